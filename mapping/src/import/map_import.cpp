@@ -135,8 +135,9 @@ class CloudImport {
   void find_frame(const maps::CloudSummary& summary, const Eigen::Vector3d& middle) {
     frame_.coordinates = summary.coordinates;
     if (summary.utm && frame_.utm && *summary.utm != *frame_.utm)
-      throw maps::InputError(file_.string(), summary.coordinates,
-                             fmt::format("EPSG:{}, as the options say", frame_.utm->epsg()));
+      throw maps::InputError(
+          file_.string(), summary.coordinates,
+          fmt::format("EPSG:{}, as the options say: check --utm", frame_.utm->epsg()));
     if (!frame_.utm) frame_.utm = summary.utm;
     if (!frame_.utm) {
       if (!summary.coordinates.empty())

@@ -93,7 +93,7 @@ void require_one_file_system(const fs::path& work, const fs::path& map) {
   if (::stat(work.c_str(), &a) != 0) throw maps::StorageError(work.string(), std::strerror(errno));
   if (a.st_dev != b.st_dev)
     throw maps::InputError(work.string(), "another file system than " + folder.string(),
-                           "the same");
+                           "the same: give a --work folder beside the map");
 }
 
 std::uint64_t bytes_of(const maps::MapPackage& map) {

@@ -38,7 +38,7 @@ std::unique_ptr<Bag> open_unpacked(const std::filesystem::path& file,
   if (format == BagFormat::kMcap) return std::make_unique<mcap::McapBag>(file, shown_as);
   if (format == BagFormat::kSqlite) return std::make_unique<Rosbag2Database>(file, shown_as);
   throw InputError(shown_as.string(), "no bag by its first bytes",
-                   "MCAP or a SQLite file of rosbag2");
+                   "MCAP or a SQLite file of rosbag2: convert a bag of ROS 1 with `mcap convert`");
 }
 
 }  // namespace

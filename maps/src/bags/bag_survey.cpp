@@ -46,7 +46,7 @@ class Surveyor {
           (head_bytes_of(known.type) > 0 || head_bytes_of(topic.type) > 0))
         throw InputError(bag.file().string(),
                          "topic " + topic.name + " of " + known.type + " and " + topic.type,
-                         "one type");
+                         "one type: record each type on a topic of its own");
       wanted.push_back(head_bytes_of(topic.type));
     }
     const BagDamage damage =

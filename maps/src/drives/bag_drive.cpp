@@ -102,7 +102,8 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
     if (known.type == kPointCloud2 && known.unreadable > 0)
       text += "; " + unreadable_text(topic, known);
   if (survey.damage.parts > 0) text += "; not readable " + survey.damage.first;
-  throw InputError(name, text, "messages of sensor_msgs/msg/PointCloud2");
+  throw InputError(name, text,
+                   "messages of sensor_msgs/msg/PointCloud2: choose or record a topic of them");
 }
 
 void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {

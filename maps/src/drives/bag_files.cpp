@@ -81,7 +81,8 @@ std::vector<fs::path> files_of_kind(const fs::path& folder, std::string_view ext
     throw InputError(
         folder.string(),
         files.front().filename().string() + " and " + packed.front().filename().string(),
-        "all of them packed or none, or rosbag2's metadata.yaml that names them");
+        "all of them packed or none, or rosbag2's metadata.yaml that names them: move the others "
+        "away");
   return files.empty() ? packed : files;
 }
 
@@ -109,7 +110,7 @@ std::vector<fs::path> bag_files(const fs::path& root) {
       throw InputError(
           root.string(),
           files.front().filename().string() + " and " + of_kind.front().filename().string(),
-          "files of one kind, or rosbag2's metadata.yaml that names them");
+          "files of one kind, or rosbag2's metadata.yaml that names them: move the others away");
     files = std::move(of_kind);
   }
   return files;

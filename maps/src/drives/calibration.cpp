@@ -102,7 +102,8 @@ Eigen::Isometry3d read_T_cam_velo(const std::filesystem::path& file) {
     return checked(T.leftCols<3>(), T.col(3), file);
   }
   throw InputError(file.string(), "no entry for velodyne to camera",
-                   "'Tr:', 'Tr_velo_to_cam:' or 'Tr_velo_cam:' with 12 numbers");
+                   "'Tr:', 'Tr_velo_to_cam:' or 'Tr_velo_cam:' with 12 numbers: copy the drive's "
+                   "whole calibration");
 }
 
 }  // namespace stillmap::maps

@@ -28,8 +28,9 @@ std::vector<std::int64_t> stamps_of(const std::vector<fs::path>& scan_files,
   for (const fs::path& file : scan_files) {
     const std::optional<std::size_t> number = number_of(file);
     if (!number || *number >= lines.size()) {
-      throw InputError(file.string(), fmt::format("no stamp for it among {} lines", lines.size()),
-                       "its number as a line (from 0) of " + stamps_file.string());
+      throw InputError(
+          file.string(), fmt::format("no stamp for it among {} lines", lines.size()),
+          "its number as a line (from 0) of " + stamps_file.string() + ": copy the whole file");
     }
     stamps.push_back(lines[*number]);
   }

@@ -127,7 +127,7 @@ std::vector<std::int64_t> read_times(const fs::path& file) {
         line.fields.size() == 1 ? parse_stamp_ns(line.fields[0]) : std::nullopt;
     if (!stamp) {
       throw InputError(place(file, line.line), "'" + std::string(line.fields[0]) + "'",
-                       "one time in seconds on each line");
+                       "one time in seconds on each line: correct the line");
     }
     stamps.push_back(*stamp);
   }

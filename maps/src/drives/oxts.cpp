@@ -124,8 +124,9 @@ OxtsPath read_oxts(const fs::path& folder) {
   for (const fs::path& file : list_files(folder / "data", ".txt")) {
     const std::optional<std::size_t> number = number_of(file);
     if (!number || *number >= stamps.size()) {
-      throw InputError(file.string(), fmt::format("no stamp for it among {} lines", stamps.size()),
-                       "its number as a line (from 0) of " + stamps_file.string());
+      throw InputError(
+          file.string(), fmt::format("no stamp for it among {} lines", stamps.size()),
+          "its number as a line (from 0) of " + stamps_file.string() + ": copy the whole file");
     }
     if (!path.T_map_imu.empty() && stamps[*number] <= path.T_map_imu.back().stamp_ns) {
       ++unordered;

@@ -123,7 +123,8 @@ void read_point_layout(const Bytes& at, const std::string& name, LasHeader& head
   if ((format & kCompressed) != 0) refuse_compressed(name, "LAZ, compressed points");
   header.point_format = static_cast<int>(format);
   if (format >= kPointBytes.size())
-    throw InputError(name, "point format " + std::to_string(format), "0 to 10");
+    throw InputError(name, "point format " + std::to_string(format),
+                     "0 to 10: export the file as LAS 1.4");
   header.point_bytes = at.at<std::uint16_t>(105);
   if (header.point_bytes < kPointBytes[format])
     throw InputError(name, "points of " + std::to_string(header.point_bytes) + " bytes",
@@ -172,7 +173,7 @@ LasHeader read_las_start(std::span<const std::byte> bytes, const std::string& na
   const Bytes at(bytes);
   if (bytes.size() < kHeaderBytes[2] || at.text(0, 4) != "LASF")
     throw InputError(name, std::to_string(bytes.size()) + " bytes without a LAS header",
-                     "a LAS file, which begins with LASF");
+                     "a LAS file, which begins with LASF: export the points as LAS 1.2 to 1.4");
   LasHeader header;
   read_version(at, bytes.size(), name, header);
   read_point_layout(at, name, header);

@@ -49,7 +49,8 @@ PcdEncoding parse_encoding(const Fields& line, const std::string& name) {
   if (text == "ascii") return PcdEncoding::kAscii;
   if (text == "binary") return PcdEncoding::kBinary;
   if (text == "binary_compressed") return PcdEncoding::kBinaryCompressed;
-  throw InputError(name, "DATA " + quoted(text), "ascii, binary or binary_compressed");
+  throw InputError(name, "DATA " + quoted(text),
+                   "ascii, binary or binary_compressed: write the file as PCD 0.7");
 }
 
 /// tx ty tz qw qx qy qz, as PCL writes them.

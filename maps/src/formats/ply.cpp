@@ -69,8 +69,9 @@ PlyEncoding parse_ply_encoding(const Fields& line, const std::string& name) {
     if (line[1] == "binary_little_endian") return PlyEncoding::kLittleEndian;
     if (line[1] == "binary_big_endian") return PlyEncoding::kBigEndian;
   }
-  throw InputError(name, "format " + quoted(line.size() > 1 ? line[1] : std::string_view()),
-                   "ascii, binary_little_endian or binary_big_endian 1.0");
+  throw InputError(
+      name, "format " + quoted(line.size() > 1 ? line[1] : std::string_view()),
+      "ascii, binary_little_endian or binary_big_endian 1.0: write the file in one of these");
 }
 
 Element parse_element(const Fields& line, const std::string& name) {
@@ -100,7 +101,8 @@ PlyHeader parse_ply_header(std::string_view text, const std::string& name) {
   std::string_view rest = text;
   const Fields magic = split_fields(take_line(rest).value_or(""), 2);
   if (magic.size() != 1 || magic[0] != "ply") {
-    throw InputError(name, "a first line that is not 'ply'", "a PLY file");
+    throw InputError(name, "a first line that is not 'ply'",
+                     "a PLY file: export the points as PLY 1.0");
   }
   PlyHeader header;
   bool with_encoding = false;
