@@ -36,7 +36,7 @@ void write_if_there_is_room(int fd, std::string_view line) {
 }
 
 /// A rebuild makes two maps; "keep" alone does not say which.
-std::string words_of(std::string_view stage) {
+std::string stage_words(std::string_view stage) {
   constexpr std::string_view kKeep = "keep: ";
   const bool is_of_keep = stage.starts_with(kKeep);
   return is_of_keep ? fmt::format("map to compare with: {}", stage.substr(kKeep.size()))
@@ -88,7 +88,7 @@ void run_with_progress(const ProgressArguments& arguments, std::vector<mapping::
   command_line::end_soon_when_cancelled(-1, {});
   command_line::ProgressBar bar;
   work([&bar](std::string_view stage, std::size_t done, std::size_t total) {
-    bar.update(words_of(stage), done, total);
+    bar.update(stage_words(stage), done, total);
   });
 }
 
