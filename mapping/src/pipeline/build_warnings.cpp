@@ -113,7 +113,7 @@ void warn_of_bent_places(Build& build) {
       bent.poses, build.disagreements.size(), first_scans(*build.drives, std::array{bent.worst}),
       bent.worst_m,
       is_exact ? "build with --given-poses refine"
-               : "look at the map there, and drive there again where walls stand twice"));
+               : "look at the map there; if walls are doubled, record this place again"));
 }
 
 void warn_of_near_points(Build& build) {

@@ -53,7 +53,7 @@ Eigen::Isometry3d checked(const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
   const Eigen::Matrix3d off = R.transpose() * R - Eigen::Matrix3d::Identity();
   if (!(off.cwiseAbs().maxCoeff() <= 1e-3) || R.determinant() < 0.0) {
     throw InputError(file.string(), "a 3x3 part that is no rotation",
-                     "a rigid transform: mend the matrix");
+                     "a rigid transform: correct the matrix");
   }
   check_lever_arm(t, file);
   return renormalized(T);
