@@ -45,7 +45,8 @@ class PackedStream : public ByteStream {
   }
   void used(std::size_t bytes) { begin_ += bytes; }
   [[noreturn]] void refuse(const char* reason) const {
-    throw InputError(name_, std::string("packed bytes with: ") + reason, "whole ones");
+    throw InputError(name_, std::string("packed bytes with: ") + reason,
+                     "whole ones: copy the file again");
   }
 
  private:
@@ -185,7 +186,7 @@ std::unique_ptr<ByteStream> unpacked(std::unique_ptr<ByteStream> packed,
   if (compression == "zstd")
     return std::make_unique<ZstdStream>(std::move(packed), std::move(name));
   throw InputError(name, "compression '" + std::string(compression.substr(0, 32)) + "'",
-                   "none, lz4 or zstd");
+                   "none, lz4 or zstd: convert the bag to one of these");
 }
 
 }  // namespace stillmap::maps

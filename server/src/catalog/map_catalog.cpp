@@ -112,7 +112,8 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
   }
   changed_.notify_all();
   throw ApiError(ErrorCode::kMapLoading,
-                 described(served.map, served.version) + " is still being loaded")
+                 described(served.map, served.version) +
+                     " is still being loaded; send the request again after Retry-After")
       .with_header("Retry-After", "1");
 }
 
@@ -122,19 +123,19 @@ StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
   const StoredMap before = store_.state().map(map);
   const ServedVersion next = load(key);
   if (next.state != MapState::kReady) {
-    throw ApiError(
-        ErrorCode::kVersionUnusable,
-        described(key.first, key.second) + " cannot be loaded: " + next.failure +
-            "; what was active stays so. Publish a version that loads, or mend this one");
+    throw ApiError(ErrorCode::kVersionUnusable,
+                   described(key.first, key.second) + " cannot be loaded: " + next.failure +
+                       "; the active version stays. Add a version that loads, or repair this one: "
+                       "add the same package again");
   }
   if (before.active && *before.active != key.second && !new_frame) {
     const ServedVersion present = open({key.first, *before.active}).served;
     if (present.package && !in_one_frame(present, next)) {
-      throw ApiError(ErrorCode::kOtherFrame,
-                     described(key.first, key.second) + " is not known to be in the frame of " +
-                         described(present.map, present.version) +
-                         ", so positions may mean other places: build it with --register-to, or "
-                         "say new_frame=true");
+      throw ApiError(ErrorCode::kOtherFrame, described(key.first, key.second) +
+                                                 " is not known to be in the frame of " +
+                                                 described(present.map, present.version) +
+                                                 ", so positions may mean other places: build it "
+                                                 "with --register-to, or send new_frame=true");
     }
   }
   // What was compared is what must be active still.

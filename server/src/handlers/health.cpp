@@ -25,7 +25,7 @@ std::vector<std::string> complaints(const Context& context, const Caller& caller
   std::vector<std::string> all;
   if (const std::string why = context.store.state().not_writable_because(); !why.empty())
     all.push_back("the store takes no changes: " + without_folder(why, context.store.folder()) +
-                  "; mend its disk, then start the server again");
+                  "; repair its disk, then start the server again");
   const std::uint64_t free = free_bytes(context.store.folder());
   const std::uint64_t reserve = context.store.quota().disk_reserve.value_or(0);
   if (free < reserve)
@@ -83,7 +83,8 @@ HttpResponse answer_ready(const Context& context, const Caller& caller) {
     }
   }
   for (const ServedVersion& map : context.catalog.waiting())
-    if (map.state == MapState::kFailed) failed.add(map, map.failure + "; the one before goes on");
+    if (map.state == MapState::kFailed)
+      failed.add(map, map.failure + "; the version before is still served");
   if (!loading.empty()) return json_response(status_json("loading", loading.texts("loading")), 503);
   std::vector<std::string> reasons = failed.texts("cannot be used");
   for (std::string& complaint : complaints(context, caller))

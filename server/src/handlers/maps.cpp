@@ -52,7 +52,7 @@ void require_whole_texts(const maps::MapPackage& map) {
     const std::string found = maps::sha256_of_file(map.folder() / path);
     if (found != file.sha256)
       throw maps::InputError((map.folder() / path).string(), "SHA-256 " + found,
-                             file.sha256 + " as in manifest.json; publish the package again");
+                             file.sha256 + " as in manifest.json; add the same package again");
   }
 }
 

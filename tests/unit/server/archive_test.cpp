@@ -225,7 +225,8 @@ TEST_F(DriveArchiveTest, FindsABagAndWhatIsChosenOfIt) {
   EXPECT_EQ(found.scans, 1U);
   fs::remove_all(target_);
   EXPECT_THAT([&] { drive(file + tar_end()); },
-              ThrowsSaying<maps::InputError>({"/cloud1 (1 in 'lidar'), /cloud2 (1 in 'lidar')"}));
+              ThrowsSaying<maps::InputError>(
+                  {"/cloud1 (1 clouds in 'lidar'), /cloud2 (1 clouds in 'lidar')"}));
 }
 
 TEST_F(DriveArchiveTest, RefusesWhatIsNoDrive) {

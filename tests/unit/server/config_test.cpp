@@ -81,7 +81,7 @@ TEST_F(ConfigTest, EveryProblemOfEverySourceIsNamedAtOnce) {
           "environment: \"STILLMAP_SERVE_LOG_LEVL\": found \"info\", expected a known variable, "
           "the nearest is STILLMAP_SERVE_LOG_LEVEL",
           "command line: --log-format: found \"xml\", expected one of text, json",
-          "default: event_streams: found 64, expected below connections, and connections is 10"));
+          "default: event_streams: found 64, expected below connections (connections is 10)"));
 }
 
 TEST_F(ConfigTest, WhatWasRefusedIsNotJudgedByItsDefault) {

@@ -107,7 +107,7 @@ TEST_F(PackageRoutesTest, DamagedBytesAreNeverSentAndMendedOnesAre) {
     const auto answer = client().Get(content.c_str(), headers);
     return answer->status == 500 && code(*answer) == "StorageError" &&
            answer->body.find("version 'v2' of map 'town'") != std::string::npos &&
-           answer->body.find("publish the same package again") != std::string::npos;
+           answer->body.find("add the same package again") != std::string::npos;
   };
   const auto flip_a_bit = [&] {
     for (const auto& entry : std::filesystem::recursive_directory_iterator(package / "tiles")) {
