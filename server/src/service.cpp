@@ -259,13 +259,13 @@ Service::Service(const ServerOptions& options, PackageStore& store, AlignerBuild
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      jobs_({live_, store, drives_, catalog_, metrics_, mapper}),
+      jobs_(JobSetup{live_, store, drives_, catalog_, metrics_, mapper}),
       context_{options_, live_,    workers_,  store,
                drives_,  uploads_, catalog_,  views_,
                layers_,  queue_,   sessions_, jobs_,
                metrics_, stats_,   stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
-      housekeeping_(live_, store, drives_, jobs_, changes != StoreChanges::kRefused) {
+      housekeeping_(live_, store, drives_, jobs_.folders, changes != StoreChanges::kRefused) {
   store_.set_quota(quota_of(options_.quotas, store_.folder()));
   add_metrics();
 }

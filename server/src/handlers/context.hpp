@@ -4,7 +4,7 @@
 #include "catalog/map_catalog.hpp"
 #include "http/router.hpp"
 #include "http/shared_places.hpp"
-#include "jobs/job_runner.hpp"
+#include "jobs/jobs.hpp"
 #include "metrics/metrics.hpp"
 #include "pose/alignment_queue.hpp"
 #include "pose/map_stats.hpp"
@@ -42,7 +42,7 @@ struct Context {
   MapLayers& layers;
   AlignmentQueue& queue;
   SessionTable& sessions;
-  JobRunner& jobs;
+  Jobs& jobs;
   Metrics& metrics;
   MapStats& stats;
   /// Once set, the server is about to end.
