@@ -9,6 +9,7 @@
 #include <stillmap/maps/error.hpp>
 #include "store/drive_store.hpp"
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <array>
 #include <cstdint>
@@ -115,7 +116,7 @@ class RandomLife {
       case 1:
         return (void)store_->create_map(map);
       case 2:
-        return (void)store_->gc();
+        return (void)clear_unused(*store_);
       case 3:
         return store_->remove_map(map, server::WhenActive::kRemove);
       case 4:

@@ -13,6 +13,7 @@
 
 #include "job_fixture.hpp"
 #include "jobs/housekeeping.hpp"
+#include "store/store_upkeep.hpp"
 #include "support/disk_calls.hpp"
 
 namespace stillmap::server {
@@ -98,7 +99,7 @@ TEST_F(JobsOfARunner, LeaveNoVersionWhenTheyAreCancelledWhileItIsCopied) {
   start_runner(store);
   EXPECT_EQ(end_of_rebuild().status, JobStatus::kCanceled);
   EXPECT_FALSE(store.state().find_version("town", "v2"));
-  EXPECT_TRUE(store.unnamed_packages().empty());
+  EXPECT_TRUE(unnamed_packages(store).empty());
   EXPECT_EQ(store.state().map("town").active, store_.version());
   expect_cleared(1);
 }

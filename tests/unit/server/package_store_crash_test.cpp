@@ -1,4 +1,5 @@
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include "store/drive_store.hpp"
@@ -285,7 +286,7 @@ class MendTest : public ::testing::TestWithParam<bool> {
     try {
       UnsyncedCalls calls;
       PackageStore store(folder, calls);
-      const auto problems = store.verify();
+      const auto problems = verify_store(store);
       if (problems.empty()) return "";
       const bool as_before = problems.front().what.ends_with("says: tiles/0_0_0.bin");
       return as_before && !acknowledged ? "" : problems.front().what;
