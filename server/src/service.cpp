@@ -4,7 +4,6 @@
 #include "errors/api_error.hpp"
 #include "errors/refusal_codes.hpp"
 #include "http/header_text.hpp"
-#include "security/guarded_events.hpp"
 #include "security/map_limits.hpp"
 
 #include <fmt/format.h>
@@ -24,6 +23,30 @@
 
 namespace stillmap::server {
 namespace {
+
+/// Events for as long as the key that asked for them is good: a stream may outlive its key by days.
+class GuardedEvents final : public EventSource {
+ public:
+  /// @param gatekeeper  outlives this.
+  GuardedEvents(std::shared_ptr<EventSource> events, Gatekeeper& gatekeeper,
+                std::string authorization, Access access)
+      : events_(std::move(events)),
+        gatekeeper_(gatekeeper),
+        authorization_(std::move(authorization)),
+        access_(access) {}
+
+  /// Ends without a word: whoever asks again is told why.
+  std::optional<std::string> next(std::chrono::milliseconds most) override {
+    if (!gatekeeper_.still_admits(authorization_, access_)) return std::nullopt;
+    return events_->next(most);
+  }
+
+ private:
+  std::shared_ptr<EventSource> events_;
+  Gatekeeper& gatekeeper_;
+  std::string authorization_;
+  Access access_;
+};
 
 ServerOptions checked(const ServerOptions& options) {
   const std::vector<std::string> broken = options.violations();

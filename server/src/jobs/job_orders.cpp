@@ -2,7 +2,6 @@
 
 #include "errors/api_error.hpp"
 #include "jobs/job_sources.hpp"
-#include "jobs/program_crash.hpp"
 #include "store/ids_and_times.hpp"
 
 #include <fmt/format.h>

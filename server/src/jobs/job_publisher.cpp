@@ -2,6 +2,7 @@
 
 #include "errors/api_error.hpp"
 #include "jobs/job_request.hpp"
+#include "json/json_values.hpp"
 
 #include "store/store_refusal.hpp"
 
@@ -26,8 +27,36 @@ std::int64_t revision_to_change(const JobFolder& folder, const StoredMap& map) {
   return map.revision;
 }
 
-std::optional<GateReport> gate_of(const JobFolder& folder) {
-  return read_report(read_small_file(folder.report()).value_or(""));
+std::string to_json(const JobOutcome& outcome) {
+  Json json{{"version", outcome.version},
+            {"digest", outcome.digest},
+            {"activated", outcome.activated},
+            {"not_activated_because", outcome.not_activated_because}};
+  json["gate"] = outcome.gate.empty() ? Json() : Json::parse(outcome.gate);
+  return to_text(json);
+}
+
+/// What the report of a rebuild says of the gate.
+struct GateVerdict {
+  bool passed = false;
+  std::vector<std::string> reasons;
+  /// Verdict, reasons, warnings, figures, checks and held-back scans, as JSON.
+  std::string json;
+};
+
+/// Nothing when there is no report, as for a job without a gate.
+std::optional<GateVerdict> read_verdict(const JobFolder& folder) {
+  const Json report = Json::parse(read_small_file(folder.report()).value_or(""), nullptr, false);
+  if (!report.is_object() || !report.contains("verdict")) return std::nullopt;
+  GateVerdict verdict;
+  verdict.passed = report["verdict"] == "pass";
+  for (const Json& reason : report.value("reasons", Json::array()))
+    if (reason.is_string()) verdict.reasons.push_back(reason.get<std::string>());
+  Json kept;
+  for (const char* key : {"verdict", "reasons", "warnings", "figures", "checks", "held_back"})
+    if (report.contains(key)) kept[key] = report[key];
+  verdict.json = to_text(kept);
+  return verdict;
 }
 
 }  // namespace
@@ -74,7 +103,7 @@ void JobPublisher::keep_outcome(const StoredJob& job, const StoredVersion& versi
   outcome.activated = setup_.store.state().map(job.map).active == version.name;
   if (!outcome.activated) outcome.not_activated_because.push_back(why);
   const JobFolder folder = folders_.of(job.id);
-  if (const auto gate = gate_of(folder)) outcome.gate = gate->json;
+  if (const auto gate = read_verdict(folder)) outcome.gate = gate->json;
   write_small_file(folder.outcome(), to_json(outcome));
 }
 
@@ -83,7 +112,7 @@ JobOutcome JobPublisher::activate(const StoredJob& job, const StoredVersion& ver
   if (job.kind != JobKind::kRebuild) return outcome;
   const RebuildRequest request = read_stored_rebuild(job.request);
   const JobFolder folder = folders_.of(job.id);
-  const auto gate = gate_of(folder);
+  const auto gate = read_verdict(folder);
   if (gate) outcome.gate = gate->json;
   if (!request.activate) return outcome;
   const StoredMap map = setup_.store.state().map(job.map);

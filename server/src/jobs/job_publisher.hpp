@@ -1,7 +1,6 @@
 #pragma once
 
 #include "jobs/job_folders.hpp"
-#include "jobs/job_outcome.hpp"
 #include "jobs/job_setup.hpp"
 
 #include <cstdint>
@@ -11,6 +10,17 @@
 #include <vector>
 
 namespace stillmap::server {
+
+/// What a job that succeeded came to.
+struct JobOutcome {
+  std::string version{};
+  std::string digest{};
+  bool activated = false;
+  /// Why it was asked for and not done.
+  std::vector<std::string> not_activated_because{};
+  /// What the gate found, as the mapper's report has it; empty for a job without a gate.
+  std::string gate{};
+};
 
 /// Turns the map that an attempt made into a version of the store, and makes it the active one when
 /// that was asked for and the gate was passed. While it does, a mark stands in the job's folder, by

@@ -4,7 +4,6 @@
 #include "jobs/job_request.hpp"
 #include "jobs/job_sources.hpp"
 #include "jobs/mapper_command.hpp"
-#include "jobs/program_crash.hpp"
 #include "store/ids_and_times.hpp"
 
 #include <fcntl.h>

@@ -2,7 +2,6 @@
 
 #include "errors/api_error.hpp"
 #include "jobs/job_attempt.hpp"
-#include "jobs/program_crash.hpp"
 #include "store/free_bytes.hpp"
 
 #include <fmt/format.h>

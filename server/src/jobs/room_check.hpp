@@ -7,9 +7,17 @@
 
 #include <chrono>
 #include <functional>
+#include <stdexcept>
 #include <string>
 
 namespace stillmap::server {
+
+/// The mapper was killed, crashed or took too long while it estimated: it may do better when it is
+/// tried again.
+class ProgramCrash : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
 
 /// Whether a rebuild fits on the disks and into the quota, by what the mapper estimates.
 class RoomCheck {
