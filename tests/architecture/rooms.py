@@ -60,7 +60,6 @@ KNOWN = {
     ],
     "classes called Report": [
         ("mapping", "ReportPage", "page"),
-        ("server", "ReloadReport", "changes"),
     ],
     "comparisons of two maps": [
         ("maps", "MapDifference", "points"),

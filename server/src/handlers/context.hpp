@@ -96,8 +96,8 @@ void require_json_if_any(const HttpRequest& request);
 /// What stands in the path's place of a version, if it has one.
 [[nodiscard]] std::optional<std::string_view> version_in(const PathParameters& path);
 /// A version as lists show it; one that cannot be read says why.
-[[nodiscard]] DescribedVersion described(const Context& context, const std::string& map,
-                                         const StoredVersion& version);
+[[nodiscard]] DescribedVersion describe_version(const Context& context, const std::string& map,
+                                                const StoredVersion& version);
 /// The version that the path names; the one that is served when it names none.
 /// @throws as `MapCatalog::find`.
 [[nodiscard]] ServedVersion find_version(MapCatalog& catalog, const PathParameters& path);

@@ -9,7 +9,6 @@
 #include <exception>
 #include <vector>
 
-#include "store/drive_words.hpp"
 #include "store/durable_files.hpp"
 #include "store/store_folder.hpp"
 
@@ -39,7 +38,7 @@ bool has_part(const std::vector<DrivePart>& parts, std::int64_t n) {
 void refuse_if_not_open(const StoredDrive& drive) {
   if (drive.status == DriveStatus::kOpen) return;
   throw StoreRefusal(StoreRefusal::Reason::kDriveNotOpen,
-                     described(drive) + " is " + std::string(name_of(drive.status)));
+                     drive_name(drive) + " is " + std::string(name_of(drive.status)));
 }
 
 void refuse_if_too_large(const StoredDrive& drive, std::uint64_t bytes, std::uint64_t most,
@@ -127,7 +126,7 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
                                        const std::optional<std::string>& sha256,
                                        const Limits& limits) {
   const StoredDrive drive = store_.drives().drive(id);
-  const std::string name = described(drive) + " part " + std::to_string(n);
+  const std::string name = drive_name(drive) + " part " + std::to_string(n);
   if (n < 1 || n > DriveTable::kMostParts)
     throw std::invalid_argument(name + ": 1 to " + std::to_string(DriveTable::kMostParts));
   if (!has_part(store_.drives().parts(id), n)) {
