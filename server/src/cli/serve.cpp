@@ -63,7 +63,7 @@ void require_none(const std::vector<server::ConfigProblem>& problems) {
   for (const server::ConfigProblem& each : problems) {
     fmt::print(stderr, "stillmap: {}\n", each.text());
   }
-  throw command_line::ExitCode{command_line::kUsage};
+  throw command_line::ExitCode{exit_code::kUsage};
 }
 
 /// @return whether its folder was made.

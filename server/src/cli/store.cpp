@@ -96,7 +96,7 @@ void verify(const StoreArguments& arguments) {
                         problem.map.empty() ? "" : problem.map + " " + problem.version + ": ",
                         problem.what);
   print(arguments.json, server::problems_json(problems), text);
-  if (!problems.empty()) throw command_line::ExitCode{command_line::kFailed};
+  if (!problems.empty()) throw command_line::ExitCode{exit_code::kFailed};
 }
 
 void gc(const StoreArguments& arguments) {
@@ -170,7 +170,7 @@ void reindex(const StoreArguments& arguments) {
   print(arguments.json, server::made_anew_json(all),
         text + fmt::format("{} packages reindexed", all.size()));
   for (const server::MadeAnew& made : all)
-    if (!made.is_whole()) throw command_line::ExitCode{command_line::kFailed};
+    if (!made.is_whole()) throw command_line::ExitCode{exit_code::kFailed};
 }
 
 void backup(const StoreArguments& arguments) {

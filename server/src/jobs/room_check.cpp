@@ -1,6 +1,7 @@
 #include "jobs/room_check.hpp"
 
 #include "errors/api_error.hpp"
+#include "errors/exit_codes.hpp"
 #include "jobs/job_attempt.hpp"
 #include "store/free_bytes.hpp"
 
@@ -64,9 +65,9 @@ void RoomCheck::check(const std::string& map, const RebuildRequest& request,
   const ProgramOutput output = run_short(estimate_command(setup_.mapper, request, sources),
                                          setup_.limits(), most, is_unwanted);
   const std::optional<Estimate> estimate = read_estimate(output.text);
-  if (output.timed_out || output.end.exit_code != 0 || !estimate) {
+  if (output.timed_out || output.end.exit_code != exit_code::kSucceeded || !estimate) {
     const std::string said = folders_.without_places(last_line(output.text));
-    if (output.end.exit_code == 1 || output.end.exit_code == 2)
+    if (output.end.exit_code == exit_code::kFailed || output.end.exit_code == exit_code::kUsage)
       throw ApiError(ErrorCode::kInvalidRequest, said);
     throw ProgramCrash("no estimate of the disk: " + output.end.words() +
                        (said.empty() ? "" : ": " + said));
