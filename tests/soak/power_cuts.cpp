@@ -104,7 +104,7 @@ class RandomLife {
       store_->add(map, version, source);
     } else {
       const std::string tar = tar_of(source, chance(2) ? "town/" : "") + tar_end();
-      store_->add_archive(map, version, source_of(tar), "body", {});
+      store_->add_archive(map, version, {source_of(tar), "body"});
     }
   }
 
@@ -139,7 +139,7 @@ class RandomLife {
     if (chance(5)) return drives_->remove(id);
     if (parts == 2) return (void)drives_->complete(id, {});
     const std::string half = drive_tar().substr(parts == 0 ? 0 : 700, parts == 0 ? 700 : SIZE_MAX);
-    drives_->add_part(id, parts + 1, half.size(), source_of(half, 300), {}, {});
+    drives_->add_part(id, {parts + 1, half.size(), source_of(half, 300)}, {});
   }
 
   void change_rows() {

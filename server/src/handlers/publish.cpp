@@ -87,9 +87,11 @@ HttpResponse publish_bytes(const Context& context, const Publication& wanted) {
   context.store.check_disk_reserve(wanted.bytes);
   if (const auto format = cloud_format(wanted.content_type))
     return convert(context, wanted, *format);
-  const PackageStore::Added added = context.store.add_archive(
-      wanted.map, wanted.version, wanted.source, wanted.map + "/" + wanted.version,
-      archive_limits(context.live.current()->uploads), wanted.sha256);
+  const PackageStore::Added added =
+      context.store.add_archive(wanted.map, wanted.version,
+                                {wanted.source, wanted.map + "/" + wanted.version,
+                                 archive_limits(context.live.current()->uploads)},
+                                wanted.sha256);
   HttpResponse response = json_response(version_json(added.version), added.is_new ? 201 : 200);
   if (added.is_new) {
     response.headers.emplace_back("Location",

@@ -167,7 +167,7 @@ bool DriveTable::add_part(std::int64_t id, const DrivePart& part, const StoreQuo
                                                    drive_name(drive) + " is " + row.text(0));
     }
   }
-  refuse_over_quota(database, quota, drive.map, part.bytes, {});
+  refuse_over_quota(database, quota, {drive.map, part.bytes});
   SqliteStatement(database, "INSERT INTO drive_parts VALUES (?, ?, ?, ?)")
       .bind(id)
       .bind(part.n)

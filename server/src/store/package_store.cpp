@@ -195,8 +195,7 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
 }
 
 PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_view version,
-                                              const ByteSource& source, const std::string& archive,
-                                              const ArchiveLimits& limits,
+                                              const IncomingArchive& archive,
                                               const std::optional<std::string>& sha256) {
   check_name("map", map);
   check_name("version", version);
@@ -205,11 +204,12 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   PackageFolder::Incoming incoming(packages_, files);
   lock.reset();
   const ArchiveFiles found =
-      unpack_archive(leaving_reserve(source), archive, incoming.path(), limits, files,
-                     /*hashed=*/true);
+      unpack_archive({leaving_reserve(archive.source), archive.name, archive.limits},
+                     incoming.path(), files, /*hashed=*/true);
   if (sha256 && *sha256 != found.archive.sha256)
-    throw maps::InputError(archive, "SHA-256 " + found.archive.sha256, *sha256 + " as announced");
-  const IncomingPackage package = keep_package(incoming.path(), found, archive, files);
+    throw maps::InputError(archive.name, "SHA-256 " + found.archive.sha256,
+                           *sha256 + " as announced");
+  const IncomingPackage package = keep_package(incoming.path(), found, archive.name, files);
   StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
   wanted.bytes = package.package.bytes;
   wanted.created_ns = now_ns();

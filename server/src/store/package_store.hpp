@@ -110,11 +110,9 @@ class PackageStore {
             const std::optional<Maker>& maker = {});
   /// As `add`, of a package that comes as a tar, by itself or in one folder: unpacked straight into
   /// the store, hashed while it is written. Files that the manifest does not list are dropped.
-  /// @param archive  what messages call it.
-  /// @param sha256   of the archive as it comes, lower-case hex, where that is known.
+  /// @param sha256  of the archive as it comes, lower-case hex, where that is known.
   /// @throws also InputError as `extract_archive`, and for another SHA-256. Nothing is left then.
-  Added add_archive(std::string_view map, std::string_view version, const ByteSource& source,
-                    const std::string& archive, const ArchiveLimits& limits,
+  Added add_archive(std::string_view map, std::string_view version, const IncomingArchive& archive,
                     const std::optional<std::string>& sha256 = {});
   /// A version's package as a tar. @throws as `open`.
   [[nodiscard]] std::unique_ptr<PackageArchive> archive(std::string_view map,

@@ -155,7 +155,7 @@ class StoreArchiveTest : public PackageArchiveTest {
  protected:
   PackageStore::Added add(const std::string& tar, const std::string& version = "1",
                           const std::optional<std::string>& sha256 = {}) {
-    return store_.add_archive("town", version, source_of(tar, 5000), "body", {}, sha256);
+    return store_.add_archive("town", version, {source_of(tar, 5000), "body"}, sha256);
   }
   [[nodiscard]] std::string tar() const {
     PackageArchive archive(town_);
@@ -216,9 +216,9 @@ TEST_F(StoreArchiveTest, WaitsForTheDiskForFilesOfThePackageAlone) {
              (call.kind == DiskCall::Kind::kSyncFile || call.kind == DiskCall::Kind::kSyncFolder);
     });
   };
-  EXPECT_THROW(store.add_archive("town", "1", source_of(files + tar_end()), "body", {}),
+  EXPECT_THROW(store.add_archive("town", "1", {source_of(files + tar_end()), "body"}),
                maps::InputError);
-  store.add_archive("town", "1", source_of(files + tar()), "body", {});
+  store.add_archive("town", "1", {source_of(files + tar()), "body"});
   EXPECT_GT(std::count_if(calls.calls().begin(), calls.calls().end(), is_stray), 200);
   EXPECT_EQ(syncs(), 0);
   for (const auto& entry : fs::recursive_directory_iterator(town_)) {
@@ -287,8 +287,7 @@ TEST_F(StoreArchiveTest, RefusesAnotherPackageOfThatName) {
                   ::testing::Property(&StoreRefusal::reason, StoreRefusal::Reason::kOtherDigest)));
   EXPECT_EQ(unnamed_packages(store_).size(), 0U);
   EXPECT_EQ(std::distance(fs::directory_iterator(packages_), fs::directory_iterator()), 1);
-  EXPECT_THROW(store_.add_archive("Town", "1", source_of(tar()), "body", {}),
-               std::invalid_argument);
+  EXPECT_THROW(store_.add_archive("Town", "1", {source_of(tar()), "body"}), std::invalid_argument);
 }
 
 TEST_F(StoreArchiveTest, ADownloadSaysThatItsVersionWasRemoved) {

@@ -71,8 +71,9 @@ class StoreScenarioTest : public ::testing::Test {
       return [=, this](Store& store) { store->add(map, name, sources_ / source); };
     };
     const auto add_archive = [](const char* name, const std::string& tar) {
-      return
-          [=](Store& store) { store->add_archive("town", name, test::source_of(tar), "body", {}); };
+      return [=](Store& store) {
+        store->add_archive("town", name, {test::source_of(tar), "body"});
+      };
     };
     return {
         open,
@@ -122,7 +123,7 @@ class StoreScenarioTest : public ::testing::Test {
         add_archive("up", tar_),
         [](Store& store) {
           store->drive_bytes.complete_upload(3, [&](const ByteSource& source, std::uint64_t) {
-            store->add_archive("town", "up", source, "upload", {});
+            store->add_archive("town", "up", {source, "upload"});
           });
         },
         [](Store& store) { store->drive_bytes.remove(3); },
@@ -154,7 +155,7 @@ class StoreScenarioTest : public ::testing::Test {
 
   static void add_part(WholeStore& store, std::int64_t id, std::int64_t n,
                        const std::string& bytes) {
-    store.drive_bytes.add_part(id, n, bytes.size(), test::source_of(bytes), {}, {});
+    store.drive_bytes.add_part(id, {n, bytes.size(), test::source_of(bytes)}, {});
   }
 
   const std::string drive_tar_ = test::tar_file("a/0.bin", drive_scan()) + test::tar_end();
@@ -277,7 +278,7 @@ class MendTest : public ::testing::TestWithParam<bool> {
   }
   void mend(PackageStore& store) const {
     if (GetParam())
-      store.add_archive("town", "a", test::source_of(tar_), "body", {});
+      store.add_archive("town", "a", {test::source_of(tar_), "body"});
     else
       store.add("town", "a", package_);
   }

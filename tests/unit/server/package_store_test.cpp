@@ -89,11 +89,11 @@ TEST_F(PackageStoreTest, SurvivesThatMemoryRunsOutWhileWhatWasRefusedIsRemoved) 
   NoMemory calls;
   {
     PackageStore store(store_, calls);
-    EXPECT_THROW(store.add_archive("town", "1", test::source_of(no_package), "town/1", {}),
+    EXPECT_THROW(store.add_archive("town", "1", {test::source_of(no_package), "town/1"}),
                  maps::InputError);
     EXPECT_FALSE(fs::is_empty(store_ / "packages"));
     EXPECT_THROW(
-        extract_drive(test::source_of(no_package), "drive", folder_.path() / "drive", {}, calls),
+        extract_drive({test::source_of(no_package), "drive"}, folder_.path() / "drive", calls),
         maps::InputError);
     calls.at_the_state_too(true);
     EXPECT_THROW(store.create_map("yard"), maps::StorageError);
@@ -222,7 +222,7 @@ TEST_F(PackageStoreTest, MendsADamagedPackageThatIsAddedAgain) {
   };
   const std::string tar = test::tar_of(folder_.path() / "first", "town/") + test::tar_end();
   const auto add_archive = [&](const char* version) {
-    return store.add_archive("town", version, test::source_of(tar), "body", {}).is_new;
+    return store.add_archive("town", version, {test::source_of(tar), "body"}).is_new;
   };
   EXPECT_TRUE(add("1"));
   store.activate("town", "1");
@@ -258,7 +258,7 @@ TEST_F(PackageStoreTest, LeavesAWholePackageWhereItIsWhenItIsAddedAgain) {
   store.add("town", "1", folder_.path() / "first");
   store.add("town", "2", folder_.path() / "first");
   const std::string tar = test::tar_of(folder_.path() / "first", "") + test::tar_end();
-  store.add_archive("town", "1", test::source_of(tar), "body", {});
+  store.add_archive("town", "1", {test::source_of(tar), "body"});
   EXPECT_TRUE(fs::exists(package(first_) / "index/cache"));
 }
 
@@ -315,7 +315,7 @@ TEST_F(PackageStoreTest, LeavesNothingOfWhatItRefuses) {
   store.add("town", "1", folder_.path() / "first");
   store.remove("town", "1");
   const std::string tar = test::tar_of(folder_.path() / "second", "") + test::tar_end();
-  const auto add_tar = [&] { store.add_archive("town", "1", test::source_of(tar), "tar", {}); };
+  const auto add_tar = [&] { store.add_archive("town", "1", {test::source_of(tar), "tar"}); };
   expect_refused(Reason::kOtherDigest, add_tar);
   EXPECT_THAT(listing(store_ / "packages"), IsEmpty());
   expect_refused(Reason::kOtherDigest, [&] { store.add("town", "1", folder_.path() / "second"); });
@@ -339,8 +339,9 @@ TEST_F(PackageStoreTest, KeepsWhatOthersHoldOfWhatItRefuses) {
   store.add("town", "2", folder_.path() / "second");
   store.remove("town", "1");
   const std::string tar = test::tar_of(folder_.path() / "second", "") + test::tar_end();
-  expect_refused(Reason::kOtherDigest,
-                 [&] { store.add_archive("town", "1", test::source_of(tar), "tar", {}); });
+  expect_refused(Reason::kOtherDigest, [&] {
+    store.add_archive("town", "1", {test::source_of(tar), "tar"});
+  });
   EXPECT_THAT(verify_store(store), IsEmpty());
   EXPECT_THAT(listing(store_ / "packages"), ElementsAre(second_));
 }
