@@ -216,7 +216,7 @@ void localize_drive(const LocalizeArguments& arguments,
   if (arguments.output && !arguments.json.replaces_text()) {
     tally.print(seconds_since(begin));
   }
-  if (!tally.found_any()) throw command_line::ExitCode{command_line::kFailed};
+  if (!tally.found_any()) throw command_line::ExitCode{exit_code::kFailed};
 }
 
 }  // namespace stillmap::cli

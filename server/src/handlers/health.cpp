@@ -15,7 +15,7 @@
 namespace stillmap::server {
 namespace {
 
-std::string described(const ServedVersion& version) {
+std::string map_and_version(const ServedVersion& version) {
   return "map " + version.map + " version " + version.version;
 }
 
@@ -50,7 +50,7 @@ class MapReasons {
 
   void add(const ServedVersion& version, const std::string& what) {
     if (caller_.may_read && may_use_map(caller_, version.map))
-      named_.push_back(described(version) + ": " + what);
+      named_.push_back(map_and_version(version) + ": " + what);
     else
       ++others_;
   }
@@ -98,7 +98,7 @@ HttpResponse answer_map_ready(const MapCatalog& catalog, const std::string& name
     if (map.state == MapState::kReady) return json_response(status_json("ready", {}));
     if (map.state == MapState::kFailed)
       return json_response(status_json("failed", {map.failure}), 503);
-    return json_response(status_json("loading", {described(map) + ": loading"}), 503);
+    return json_response(status_json("loading", {map_and_version(map) + ": loading"}), 503);
   }
   (void)catalog.find(name);  // says why there is none
   return json_response(status_json("loading", {}), 503);

@@ -96,14 +96,13 @@ std::uint64_t bytes_of(SqliteDatabase& database, const std::optional<std::string
   return static_cast<std::uint64_t>(sum.integer(0));
 }
 
-void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, std::string_view map,
-                       std::uint64_t more_bytes, std::string_view digest,
-                       const WaitingBytes& waiting) {
-  if (quota.map_bytes && !has_package(database, map, digest))
-    refuse_over(quota.map_bytes, bytes_of(database, std::string(map)) + waiting.of_map, more_bytes,
-                "map " + in_quotes(map));
-  if (quota.store_bytes && !is_used(database, digest))
-    refuse_over(quota.store_bytes, bytes_of(database, {}) + waiting.of_store, more_bytes,
+void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, const Arrival& arrival) {
+  const std::string_view map = arrival.map;
+  if (quota.map_bytes && !has_package(database, map, arrival.digest))
+    refuse_over(quota.map_bytes, bytes_of(database, std::string(map)) + arrival.waiting.of_map,
+                arrival.bytes, "map " + in_quotes(map));
+  if (quota.store_bytes && !is_used(database, arrival.digest))
+    refuse_over(quota.store_bytes, bytes_of(database, {}) + arrival.waiting.of_store, arrival.bytes,
                 "the store");
 }
 
