@@ -277,7 +277,7 @@ void cancel_on_signals() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
-void say_when_cancelled(WhenCancelled words) {
+void say_when_cancelled(const WhenCancelled& words) {
   // A signal may read the lines before: they stay. Commands call this once or twice.
   static std::vector<std::unique_ptr<const CancelLines>> all;
   cancel_lines = all.emplace_back(std::make_unique<const CancelLines>(lines_of(words))).get();

@@ -50,7 +50,7 @@ struct WhenCancelled {
   std::string if_not = "nothing was written; the same command starts anew";
 };
 /// Holds until the next call. Before the first call the default of `if_not` is printed.
-void say_when_cancelled(WhenCancelled words);
+void say_when_cancelled(const WhenCancelled& words);
 /// For work that goes on from what is kept at this path.
 [[nodiscard]] WhenCancelled goes_on_from(const std::filesystem::path& kept);
 

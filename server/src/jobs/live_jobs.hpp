@@ -41,7 +41,9 @@ class LiveJobs {
   /// @throws StoreRefusal kUnknownJob; kJobFinished, also as soon as its version is published.
   StoredJob cancel(std::int64_t id);
 
-  /// For who runs them. An attempt begins.
+  // The rest is called by who runs them.
+
+  /// An attempt begins.
   void begin(const StoredJob& job);
   void note_progress(const StoredJob& job, const JobProgress& progress);
   /// As far as this server knows, without a look into the store.

@@ -141,7 +141,8 @@ class PackageStore {
   /// the others. @return those removed, oldest first. @throws StoreRefusal kUnknownMap.
   std::vector<std::string> keep_newest(std::string_view map, std::size_t count);
 
-  /// What backups, checks and cleaning need.
+  // The rest is for backups (store_backup.hpp), checks and cleaning (store_upkeep.hpp).
+
   /// Held while packages come and go. @throws StorageError when it is open for reading only.
   [[nodiscard]] FolderLock locked() const;
   [[nodiscard]] const PackageFolder& packages() const { return packages_; }
