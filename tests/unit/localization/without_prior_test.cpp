@@ -76,6 +76,26 @@ TEST(PlaceSearch, AnswersWithARotationAlsoWhereTheSensorLooksAlongTheMapsX) {
   EXPECT_LT((R.col(2) - Eigen::Vector3d::UnitX()).norm(), 1e-5);
 }
 
+TEST(PlaceSearch, LooksOnlyIntoTheHeadingsOfTheRegion) {
+  const PlaceSearch places(*street().index, drive_through());
+  Query query;
+  query.points = {{5.0F, 0.0F, 1.0F}, {0.0F, 5.0F, 1.0F}};
+  query.stands = {1, 1};
+  query.standing = {0, 1};
+  for (const double yaw_rad : {-2.0, 1.0, 2.5}) {
+    PlaceSearch::Region region;
+    region.yaw_rad = yaw_rad;
+    region.yaw_window_rad = 0.3;
+    const std::vector<Eigen::Isometry3d> found = places.best_places(query, 20, region);
+    ASSERT_FALSE(found.empty());
+    for (const Eigen::Isometry3d& T : found) {
+      const double heading_rad = std::atan2(T.linear()(1, 0), T.linear()(0, 0));
+      // The window, half a heading, and the turns of the two later rounds.
+      EXPECT_LT(std::abs(std::remainder(heading_rad - yaw_rad, 2.0 * std::numbers::pi)), 0.47);
+    }
+  }
+}
+
 TEST(WithoutPrior, FindsTheScanOfATiltedOrHangingSensorInEveryHeading) {
   for (const double tilt_rad : {0.44, std::numbers::pi}) {
     Eigen::Isometry3d T_base_lidar = Eigen::Isometry3d::Identity();
