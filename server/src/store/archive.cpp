@@ -135,7 +135,8 @@ ExtractedDrive extract_drive(const IncomingArchive& archive, const fs::path& tar
   ExtractedDrive drive{.root = drive_root(folder.path()), .archive = found.archive};
   const maps::Drive opened = maps::Drive::open(drive.root);
   if (opened.size() == 0)
-    throw maps::InputError(archive.name, "a drive without scans", "one scan at least");
+    throw maps::InputError(archive.name, "a drive without scans",
+                           "one scan at least: pack the folder that holds the scans");
   drive.layout = opened.contents().layout;
   drive.scans = opened.size();
   folder.sync(found.folders);

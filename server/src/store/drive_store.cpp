@@ -141,7 +141,8 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, const IncomingPart& want
       .sha256 = receive_file(store_.leaving_reserve(wanted.source), bytes, incoming, name, *calls_),
       .bytes = bytes};
   if (wanted.sha256 && *wanted.sha256 != part.sha256)
-    throw maps::InputError(name, "SHA-256 " + part.sha256, *wanted.sha256 + " as announced");
+    throw maps::InputError(name, "SHA-256 " + part.sha256,
+                           *wanted.sha256 + " as announced: send the part again");
   const Busy busy(*this, id);
   const StoredDrive now = store_.drives().drive(id);
   refuse_if_not_open(now);

@@ -88,7 +88,8 @@ void check_no_gap(SqliteDatabase& database, const StoredDrive& drive) {
   if (count > 0 && count == row.integer(1)) return;
   throw StoreRefusal(Reason::kPartsMissing,
                      drive_name(drive) + " has " + std::to_string(count) +
-                         (count == 0 ? " parts" : " parts up to number " + row.text(1)));
+                         (count == 0 ? " parts" : " parts up to number " + row.text(1)) +
+                         ": send the missing ones");
 }
 
 void refuse_if_read(SqliteDatabase& database, std::int64_t id) {
@@ -96,8 +97,8 @@ void refuse_if_read(SqliteDatabase& database, std::int64_t id) {
                       "SELECT j.id FROM job_drives d JOIN jobs j ON j.id = d.job WHERE d.drive = ?"
                       " AND j.status IN ('enqueued', 'processing')");
   if (row.bind(id).step())
-    throw StoreRefusal(Reason::kInUse,
-                       "drive " + std::to_string(id) + " is read by job " + row.text(0));
+    throw StoreRefusal(Reason::kInUse, "drive " + std::to_string(id) + " is read by job " +
+                                           row.text(0) + ": wait for its end or cancel it");
 }
 
 }  // namespace
@@ -164,7 +165,8 @@ bool DriveTable::add_part(std::int64_t id, const DrivePart& part, const StoreQuo
     if (row.bind(id).bind(part.n).step()) {
       if (row.text(0) == part.sha256) return false;
       throw StoreRefusal(Reason::kOtherDigest, "part " + std::to_string(part.n) + " of " +
-                                                   drive_name(drive) + " is " + row.text(0));
+                                                   drive_name(drive) + " is " + row.text(0) +
+                                                   " already: send the next part");
     }
   }
   refuse_over_quota(database, quota, {drive.map, part.bytes});

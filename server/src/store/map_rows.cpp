@@ -27,10 +27,10 @@ bool has_package(SqliteDatabase& database, std::string_view map, std::string_vie
 void refuse_over(std::optional<std::uint64_t> limit, std::uint64_t used, std::uint64_t more,
                  const std::string& whose) {
   if (!limit || (used <= *limit && more <= *limit - used)) return;
-  throw StoreRefusal(Reason::kOverQuota, whose + " holds " + std::to_string(used) +
-                                             " bytes and may hold " + std::to_string(*limit) +
-                                             "; there is no room for " + std::to_string(more) +
-                                             " more");
+  throw StoreRefusal(Reason::kOverQuota,
+                     whose + " holds " + std::to_string(used) + " bytes and may hold " +
+                         std::to_string(*limit) + "; there is no room for " + std::to_string(more) +
+                         " more: remove versions or drives, or raise the quota");
 }
 
 }  // namespace

@@ -187,7 +187,8 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   const CopiedPackage copied =
       copy_package(package, incoming.path(), files, [&] { refuse_unwanted(maker); });
   if (copied.digest != wanted.digest)
-    throw maps::InputError(manifest_file.string(), "a file that changes", "one that does not");
+    throw maps::InputError(manifest_file.string(), "a file that changes",
+                           "one that does not: add it when its writer has ended");
   check_readable(incoming.path());
   lock.emplace(locked());
   refuse_unwanted(maker);
@@ -208,7 +209,7 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
                      incoming.path(), files, /*hashed=*/true);
   if (sha256 && *sha256 != found.archive.sha256)
     throw maps::InputError(archive.name, "SHA-256 " + found.archive.sha256,
-                           *sha256 + " as announced");
+                           *sha256 + " as announced: send it again");
   const IncomingPackage package = keep_package(incoming.path(), found, archive.name, files);
   StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
   wanted.bytes = package.package.bytes;

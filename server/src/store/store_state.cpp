@@ -74,7 +74,9 @@ void refuse_retired(SqliteDatabase& database, std::string_view map, const Stored
   const std::optional<std::string> digest = retired_digest(database, map, version.name);
   if (!digest || *digest == version.digest) return;
   throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
-                                               in_quotes(map) + " was removed and was " + *digest);
+                                               in_quotes(map) +
+                                               " was removed and held another package (" + *digest +
+                                               "): choose another name");
 }
 
 /// @return whether the same is there already.
