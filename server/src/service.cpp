@@ -4,7 +4,6 @@
 #include "errors/api_error.hpp"
 #include "errors/refusal_codes.hpp"
 #include "http/header_text.hpp"
-#include "security/guarded_events.hpp"
 #include "security/map_limits.hpp"
 
 #include <fmt/format.h>
@@ -24,6 +23,30 @@
 
 namespace stillmap::server {
 namespace {
+
+/// Events for as long as the key that asked for them is good: a stream may outlive its key by days.
+class GuardedEvents final : public EventSource {
+ public:
+  /// @param gatekeeper  outlives this.
+  GuardedEvents(std::shared_ptr<EventSource> events, Gatekeeper& gatekeeper,
+                std::string authorization, Access access)
+      : events_(std::move(events)),
+        gatekeeper_(gatekeeper),
+        authorization_(std::move(authorization)),
+        access_(access) {}
+
+  /// Ends without a word: whoever asks again is told why.
+  std::optional<std::string> next(std::chrono::milliseconds most) override {
+    if (!gatekeeper_.still_admits(authorization_, access_)) return std::nullopt;
+    return events_->next(most);
+  }
+
+ private:
+  std::shared_ptr<EventSource> events_;
+  Gatekeeper& gatekeeper_;
+  std::string authorization_;
+  Access access_;
+};
 
 ServerOptions checked(const ServerOptions& options) {
   const std::vector<std::string> broken = options.violations();
@@ -259,13 +282,13 @@ Service::Service(const ServerOptions& options, PackageStore& store, AlignerBuild
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      jobs_({live_, store, drives_, catalog_, metrics_, mapper}),
+      jobs_(JobSetup{live_, store, drives_, catalog_, metrics_, mapper}),
       context_{options_, live_,    workers_,  store,
                drives_,  uploads_, catalog_,  views_,
                layers_,  queue_,   sessions_, jobs_,
                metrics_, stats_,   stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
-      housekeeping_(live_, store, drives_, jobs_, changes != StoreChanges::kRefused) {
+      housekeeping_(live_, store, drives_, jobs_.folders, changes != StoreChanges::kRefused) {
   store_.set_quota(quota_of(options_.quotas, store_.folder()));
   add_metrics();
 }

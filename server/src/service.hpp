@@ -70,7 +70,7 @@ class Service final : public RequestHandler {
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;
   mutable MapStats stats_;
-  mutable JobRunner jobs_;
+  mutable Jobs jobs_;
   Context context_;
   Router router_;
   Housekeeping housekeeping_;

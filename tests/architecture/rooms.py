@@ -60,8 +60,6 @@ KNOWN = {
     ],
     "classes called Report": [
         ("mapping", "ReportPage", "page"),
-        ("server", "GateReport", "verdict"),
-        ("server", "ReloadReport", "changes"),
     ],
     "comparisons of two maps": [
         ("maps", "MapDifference", "points"),

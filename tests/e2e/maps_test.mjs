@@ -55,7 +55,7 @@ async function activate(run) {
   await run.screenshot(page, 'map');
   await v2.getByRole('button', { name: 'Activate v2' }).click();
   await page.click('dialog button[type=submit]');
-  await page.waitForSelector('dialog :text("another map frame")');
+  await page.waitForSelector('dialog :text("in the map frame of")');
   run.expect(true, 'another frame is explained, and asked for in words');
   await run.screenshot(page, 'other_frame');
   await page.check('dialog input[type=checkbox]');

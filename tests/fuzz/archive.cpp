@@ -99,7 +99,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const server::DurableFiles disk(calls);
   try {
     const server::ArchiveFiles found =
-        server::unpack_archive(source_of(bytes, piece), "fuzz", folder, kLimits, disk, true);
+        server::unpack_archive({source_of(bytes, piece), "fuzz", kLimits}, folder, disk, true);
     require(found.archive.packed_bytes == bytes.size(), "all is read");
     require_found(folder, found);
     const server::IncomingPackage package = server::keep_package(folder, found, "fuzz", disk);

@@ -293,7 +293,7 @@ class Bags(unittest.TestCase):
         bag = write(spec, self.work / "two" / "town.mcap")
         refused = run("build", bag, "-o", self.work / "two_map", ok=False)
         self.assertEqual(refused.returncode, 1)
-        self.assertIn("/points (6 in 'lidar'), /rear (1 in 'lidar')", refused.stderr)
+        self.assertIn("/points (6 clouds in 'lidar'), /rear (1 clouds in 'lidar')", refused.stderr)
         self.assertIn("town.mcap?cloud=/points'", refused.stderr)
         self.expect_same_drive(f"{bag}?cloud=/points")
         self.assertEqual(run("inspect", f"{bag}?color=red", ok=False).returncode, 1)

@@ -64,7 +64,7 @@ class CommandLine(unittest.TestCase):
         self.fails(2, "magic", "build", DRIVE, "-o", new, "--detector", "magic")
         self.fails(2, "voxel_size_m", "build", DRIVE, "-o", new, "--voxel", "nan")
         self.fails(2, "no_folder", "build", DRIVE, "-o", new, f"--json={self.folder / 'no_folder/a.json'}")
-        self.fails(2, "edits_file", "build", DRIVE, "-o", new, "--preset", "paper", "--edits", SCAN)
+        self.fails(2, "--edits needs --fusion on", "build", DRIVE, "-o", new, "--preset", "paper", "--edits", SCAN)
         self.fails(2, "--fill", "build", DRIVE, "-o", new, "--fusion", "off", "--fill", "on")
         self.fails(2, "--fill", "build", DRIVE, "-o", new, "--movable", "delete", "--fill", "on")
         self.fails(2, "magic", "build", DRIVE, "-o", new, "--odometry", "magic")

@@ -118,14 +118,14 @@ class Faults(unittest.TestCase):
         self.times[7] = self.times[3]
         drive = self.inspected()
         self.assertEqual(drive["scans"], len(self.scans) - 1)
-        self.assertIn("1 scans left out, whose stamps do not rise with the others: 000007.bin", drive["notes"][0])
+        self.assertIn("1 scans left out, whose stamps are out of order: 000007.bin", drive["notes"][0])
 
     def test_time_that_goes_back_all_the_way(self):
         self.times.reverse()
         self.write()
         done = run("inspect", self.folder)
         self.assertEqual(done.returncode, 1)
-        self.assertIn("scans that do not rise with the others, expected increasing stamps", done.stderr)
+        self.assertIn("stamps out of order for", done.stderr)
         self.assertIn("sort the scans", done.stderr)
 
     def test_duplicate_scans(self):

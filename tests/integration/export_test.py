@@ -194,7 +194,7 @@ class Export(unittest.TestCase):
         fails(2, "cars", "--format", "pcd", "--without", "cars")
         fails(2, "without", "--format", "tum", "--without", "filled")
         fails(2, "resolution_m", "--format", "pcd", "--resolution", "0.1")
-        fails(2, "resolution_m: 9", "--format", "octomap", "--resolution", "9")
+        fails(2, "resolution_m (--resolution): 9", "--format", "octomap", "--resolution", "9")
         fails(2, "height_band_m", "--format", "nav2", "--height-band", "2,1")
         fails(2, "32-bit floats", "--format", "pcd", "--coordinates", "utm")
         fails(1, "without a geodetic origin", "--format", "ply", "--coordinates", "utm")

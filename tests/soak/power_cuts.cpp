@@ -9,6 +9,7 @@
 #include <stillmap/maps/error.hpp>
 #include "store/drive_store.hpp"
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <array>
 #include <cstdint>
@@ -103,7 +104,7 @@ class RandomLife {
       store_->add(map, version, source);
     } else {
       const std::string tar = tar_of(source, chance(2) ? "town/" : "") + tar_end();
-      store_->add_archive(map, version, source_of(tar), "body", {});
+      store_->add_archive(map, version, {source_of(tar), "body"});
     }
   }
 
@@ -115,7 +116,7 @@ class RandomLife {
       case 1:
         return (void)store_->create_map(map);
       case 2:
-        return (void)store_->gc();
+        return (void)clear_unused(*store_);
       case 3:
         return store_->remove_map(map, server::WhenActive::kRemove);
       case 4:
@@ -138,7 +139,7 @@ class RandomLife {
     if (chance(5)) return drives_->remove(id);
     if (parts == 2) return (void)drives_->complete(id, {});
     const std::string half = drive_tar().substr(parts == 0 ? 0 : 700, parts == 0 ? 700 : SIZE_MAX);
-    drives_->add_part(id, parts + 1, half.size(), source_of(half, 300), {}, {});
+    drives_->add_part(id, {parts + 1, half.size(), source_of(half, 300)}, {});
   }
 
   void change_rows() {

@@ -3,6 +3,7 @@
 #include <stillmap/maps/drive.hpp>
 #include "store/drive_store.hpp"
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <cstddef>
 #include <exception>
@@ -92,15 +93,15 @@ inline std::string problem_of(const std::filesystem::path& folder, const std::st
     const std::string contents = contents_of(store);
     if (contents != acknowledged && contents != next)
       return "found\n" + contents + "expected\n" + acknowledged;
-    if (!store.verify().empty()) return store.verify().front().what;
+    if (!verify_store(store).empty()) return verify_store(store).front().what;
     if (!store.not_cleared_because().empty()) return store.not_cleared_because();
     const server::DriveStore drives(store, calls);
     if (std::string problem = drive_problem_of(store, drives); !problem.empty()) return problem;
-    store.gc();
-    if (!store.unnamed_packages().empty()) return "packages that no version names";
+    clear_unused(store);
+    if (!unnamed_packages(store).empty()) return "packages that no version names";
     store.add("later", "a", later);
     store.activate("later", "a");
-    if (!store.verify().empty()) return "after adding: " + store.verify().front().what;
+    if (!verify_store(store).empty()) return "after adding: " + verify_store(store).front().what;
     return {};
   } catch (const std::exception& error) {
     return error.what();

@@ -73,7 +73,7 @@ IndexContent build_from(const ForEachPoint& for_each_point, const std::string& s
   if (TiledColumns(max - min, kPlaceGrids.back().edge_m).tiles() > kMostGridTiles) {
     throw maps::InputError(source,
                            fmt::format("an extent of {} by {} m", (max - min).x(), (max - min).y()),
-                           "one below 17,000 km^2");
+                           "one below 17,000 km^2: build maps of parts of the drives");
   }
   MomentGrid grid;
   for_each_point([&](const Eigen::Vector3d& p_map, double weight) {

@@ -56,7 +56,7 @@ DriveSet::DriveSet(std::vector<maps::Drive> drives, const MapBuildOptions& optio
     if (indices.empty())
       throw maps::InputError(drives_[i].contents().root.string(),
                              fmt::format("{} scans, none selected", drives_[i].size()),
-                             "at least one selected scan");
+                             "at least one: change --select");
     for (const std::size_t index : indices) places_.push_back({i, index});
   }
   check_poses();
@@ -68,9 +68,10 @@ void DriveSet::check_poses() const {
     const Eigen::Vector3d way = T_map_lidar(scan).translation() - start;
     // Written so that a NaN fails.
     if ((way.array().abs() <= kFarthestM).all()) continue;
-    throw maps::InputError(name(scan),
-                           fmt::format("a pose {:g} m from the first scan's", way.norm()),
-                           fmt::format("within {:g} m", kFarthestM));
+    throw maps::InputError(
+        name(scan), fmt::format("a pose {:g} m from the first scan's", way.norm()),
+        fmt::format("within {:g} m: check the poses, or leave this scan out with --select",
+                    kFarthestM));
   }
 }
 

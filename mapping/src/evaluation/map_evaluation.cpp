@@ -54,7 +54,7 @@ maps::Trajectory path_of(const maps::MapPackage& map) {
   std::vector<maps::Trajectory> paths = map.trajectories();
   if (paths.size() != 1)
     throw maps::InputError(map.folder().string(), fmt::format("a map of {} drives", paths.size()),
-                           "a map of one, with labels as boxes");
+                           "a map of one drive: build it of the labelled drive alone");
   return std::move(paths.front());
 }
 
@@ -84,7 +84,8 @@ std::vector<std::size_t> labelled_scans(std::vector<std::size_t> indices,
                                         const std::filesystem::path& file) {
   std::erase_if(indices, [&](std::size_t i) { return !labels.by_scan.contains(i); });
   if (indices.empty())
-    throw maps::InputError(file.string(), "no label of a scan in the map", "at least one");
+    throw maps::InputError(file.string(), "no label of a scan in the map",
+                           "at least one: give labels of scans that the map was made of");
   return indices;
 }
 
@@ -193,7 +194,8 @@ MapEvaluation evaluate_map(const maps::MapPackage& map, const maps::Drive& drive
                            const CancelFlag& cancel) {
   const auto began = std::chrono::steady_clock::now();
   if (!drive.has_poses())
-    throw maps::InputError(drive.contents().root.string(), "a drive without poses", "poses");
+    throw maps::InputError(drive.contents().root.string(), "a drive without poses",
+                           "poses: give --poses FILE");
   drive.require_own_numbers(options.boxes_file);
   maps::BoxSequence labels = maps::read_boxes(options.boxes_file, drive.size());
   const maps::Trajectory path = path_of(map);

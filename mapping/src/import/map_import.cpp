@@ -135,8 +135,9 @@ class CloudImport {
   void find_frame(const maps::CloudSummary& summary, const Eigen::Vector3d& middle) {
     frame_.coordinates = summary.coordinates;
     if (summary.utm && frame_.utm && *summary.utm != *frame_.utm)
-      throw maps::InputError(file_.string(), summary.coordinates,
-                             fmt::format("EPSG:{}, as the options say", frame_.utm->epsg()));
+      throw maps::InputError(
+          file_.string(), summary.coordinates,
+          fmt::format("EPSG:{}, as the options say: check --utm", frame_.utm->epsg()));
     if (!frame_.utm) frame_.utm = summary.utm;
     if (!frame_.utm) {
       if (!summary.coordinates.empty())
@@ -176,8 +177,9 @@ class CloudImport {
                     "origin {:.5f}, {:.5f}",
                     middle.latitude_deg, middle.longitude_deg, distance_m / 1000.0,
                     origin.latitude_deg, origin.longitude_deg),
-        fmt::format("an origin within {:.0f} km, and the zone of the points",
-                    kFarthestFromOriginM / 1000.0));
+        fmt::format(
+            "an origin within {:.0f} km, and the zone of the points: check --geo-origin and --utm",
+            kFarthestFromOriginM / 1000.0));
   }
 
   /// Of a zone of UTM, by its name or code; without either, the options say it.
@@ -193,8 +195,7 @@ class CloudImport {
     try {
       return maps::geodetic_of(p_utm, *frame_.utm);
     } catch (const std::invalid_argument& error) {
-      throw maps::InputError(file_.string(), error.what(),
-                             "coordinates of the zone that is stated");
+      throw maps::InputError(file_.string(), error.what(), "coordinates of this zone: check --utm");
     }
   }
 
@@ -208,7 +209,7 @@ class CloudImport {
         "coordinates up to {:.0f} m in 32-bit floats, {:.3g} m coarse there", largest_m, step_m);
     if (largest_m >= kTooCoarseFromM)
       throw maps::InputError(file_.string(), found,
-                             "doubles, or coordinates from an origin nearby");
+                             "finer ones: write doubles, or coordinates from an origin nearby");
     result_.warnings.push_back(found);
   }
 
@@ -333,11 +334,12 @@ std::vector<std::string> MapImportOptions::violations() const {
   if (name.empty() || name.size() > 64 || !printable)
     broken.emplace_back("frame_id: expected 1 to 64 printable ASCII characters");
   if (utm && !(utm->number >= 1 && utm->number <= 60))
-    broken.push_back(fmt::format("utm: zone {}, expected in [1, 60]", utm->number));
+    broken.push_back(fmt::format("utm (--utm): zone {}, expected in [1, 60]", utm->number));
   if (!(voxel_size_m >= 0.02 && voxel_size_m <= 2.0))
-    broken.push_back(fmt::format("voxel_size_m: {}, expected in [0.02, 2]", voxel_size_m));
+    broken.push_back(
+        fmt::format("voxel_size_m (--voxel): {}, expected in [0.02, 2]", voxel_size_m));
   if (!(threads >= 0 && threads <= 256))
-    broken.push_back(fmt::format("threads: {}, expected in [0, 256]", threads));
+    broken.push_back(fmt::format("threads (--threads): {}, expected in [0, 256]", threads));
   return broken;
 }
 

@@ -74,7 +74,8 @@ maps::MapExportResult export_octomap(const maps::MapPackage& map,
     if (options.work.go_on && !options.work.go_on(share)) throw maps::WorkStopped();
   }
   if (points == 0)
-    throw maps::InputError(map.folder().string(), "no point that is not left out", "one or more");
+    throw maps::InputError(map.folder().string(), "no point that is not left out",
+                           "one or more: leave out fewer kinds (--without)");
   tree.updateInnerOccupancy();
   tree.prune();
   write(tree, target);

@@ -70,8 +70,8 @@ void warn_of_given_poses(Build& build) {
   if (given->use != GivenPosesUse::kExact || given->neighbours_apart == 0) return;
   const PoseDifferences& neighbours = given->errors.by_way.front();
   build.result.warnings.push_back(fmt::format(
-      "{} of {} scans lie more than a voxel ({} m) from where the scan before them says, by the "
-      "given poses: {:.2f} m at most, {:.3f} m in the median; build with --given-poses refine",
+      "{} of {} given poses are more than a voxel ({} m) off from what the scan before shows: "
+      "{:.2f} m at most, {:.3f} m in the median; build with --given-poses refine",
       given->neighbours_apart, neighbours.pairs, build.task.options.voxel_size_m, neighbours.max_m,
       neighbours.median_m));
 }
@@ -89,15 +89,15 @@ void warn_of_hidden_scans(Build& build) {
     if (drives.note(scan) == ScanNote::kBeginsAnew) anew.push_back(scan);
   }
   if (!hidden.empty())
-    build.result.warnings.push_back(fmt::format(
-        "{} of {} scans show nothing of what the scans around them show, as of a covered sensor, "
-        "of dust, or of a frame that was sent again; they are left out of the map, and placed by "
-        "motion where no poses are given; look at {}, and clean or repair the sensor",
-        hidden.size(), drives.size(), first_scans(drives, hidden)));
+    build.result.warnings.push_back(
+        fmt::format("{} of {} scans do not show what the scans before and after them show (a "
+                    "covered sensor, dust, or a frame that was sent again), and are left out of "
+                    "the map; look at {}, and clean or repair the sensor",
+                    hidden.size(), drives.size(), first_scans(drives, hidden)));
   if (!anew.empty())
     build.result.warnings.push_back(fmt::format(
-        "odometry lost the place and restarted at {}: the motion before it is a guess; build the "
-        "scans before and after as two drives (--select), or give poses",
+        "odometry lost the place and restarted at {}: how the parts before and after lie to each "
+        "other is a guess; give poses, or build a map of each part (--select BEGIN:END)",
         first_scans(drives, anew)));
 }
 
@@ -113,7 +113,7 @@ void warn_of_bent_places(Build& build) {
       bent.poses, build.disagreements.size(), first_scans(*build.drives, std::array{bent.worst}),
       bent.worst_m,
       is_exact ? "build with --given-poses refine"
-               : "look at the map there, and drive there again where walls stand twice"));
+               : "look at the map there; if walls are doubled, record this place again"));
 }
 
 void warn_of_near_points(Build& build) {
@@ -122,15 +122,17 @@ void warn_of_near_points(Build& build) {
   const double returned = count("in") - count("dropped_non_finite") - count("dropped_zero_range");
   const double too_near = count("dropped_too_near");
   if (!(too_near > kMostTooNear * returned)) return;
-  build.result.warnings.push_back(fmt::format(
-      "{:.0f} % of the points are left out, nearer than --min-range {} m; it is meant for what "
-      "carries the sensor: give how far that reaches, or DRIVE?sensor=NAME",
-      100.0 * too_near / returned, build.task.options.min_range_m));
+  build.result.warnings.push_back(
+      fmt::format("{:.0f} % of the points are left out, because they are nearer than --min-range "
+                  "{} m, which is to leave out the vehicle itself; set it to how far the vehicle "
+                  "reaches from the sensor, or give DRIVE?sensor=NAME",
+                  100.0 * too_near / returned, build.task.options.min_range_m));
 }
 
 void warn_of_unmatched_edits(Build& build) {
   for (const std::string& edit : build.objects.edits.unmatched)
-    build.result.warnings.push_back("edit met nothing: " + edit);
+    build.result.warnings.push_back("correction without effect: " + edit +
+                                    "; check its place and scope in the edits file, or delete it");
 }
 
 }  // namespace stillmap::mapping

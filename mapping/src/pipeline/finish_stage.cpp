@@ -205,9 +205,9 @@ void finish_tiles(Build& build) {
   MapBuildResult& result = build.result;
   const std::vector<maps::TileId> ids = build.placed->stack.tiles();
   if (ids.empty())
-    throw maps::InputError(task.drives.front().contents().root.string(),
-                           "no usable point in any selected scan",
-                           "at least one scan with points in range");
+    throw maps::InputError(
+        task.drives.front().contents().root.string(), "no usable point in any selected scan",
+        "at least one scan with points in range: check --select, --min-range and --max-range");
   std::map<maps::TileId, std::vector<std::uint8_t>> whole;
   if (task.cleaner != nullptr) {
     const StageTimer timer(result.stage_seconds, "clean");

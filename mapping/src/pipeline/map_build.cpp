@@ -38,7 +38,9 @@ std::unique_ptr<Cleaner> cleaner_of(const std::string& name, const CleanerFactor
   auto cleaner = make_cleaner ? make_cleaner(name) : nullptr;
   if (!cleaner)
     throw std::invalid_argument(
-        fmt::format("clean: found '{}', expected free-space, none or a known method", name));
+        fmt::format("clean (--clean): found '{}', expected free-space, none or a method that "
+                    "`stillmap build --help` lists",
+                    name));
   return cleaner;
 }
 
@@ -54,22 +56,25 @@ std::vector<std::string> MapBuildOptions::violations() const {
     if (!(value >= least && value <= most))
       broken.push_back(fmt::format("{}: {}, expected in [{}, {}]", name, value, least, most));
   };
-  check("voxel_size_m", voxel_size_m, 0.02, 2.0);
-  check("min_range_m", min_range_m, 0.0, 20.0);
-  check("max_range_m", max_range_m, 5.0, 300.0);
-  check("threads", threads, 0, 256);
-  check("pose_time_offset_s", pose_time_offset_s, -1e9, 1e9);
+  check("voxel_size_m (--voxel)", voxel_size_m, 0.02, 2.0);
+  check("min_range_m (--min-range)", min_range_m, 0.0, 20.0);
+  check("max_range_m (--max-range)", max_range_m, 5.0, 300.0);
+  check("threads (--threads)", threads, 0, 256);
+  check("pose_time_offset_s (--pose-time-offset)", pose_time_offset_s, -1e9, 1e9);
   if (geodetic_origin)
     for (const std::string& each : maps::violations(*geodetic_origin)) broken.push_back(each);
   if (held_back_every == 1)
-    broken.emplace_back("held_back_every: 1, expected 0 (none) or at least 2");
-  if (ground.sensor_height_m) check("sensor_height_m", *ground.sensor_height_m, 0.1, 10.0);
+    broken.emplace_back("held_back_every (--held-back-every): 1, expected 0 (none) or at least 2");
+  if (ground.sensor_height_m)
+    check("sensor_height_m (--sensor-height)", *ground.sensor_height_m, 0.1, 10.0);
   if (!(max_range_m > min_range_m))
-    broken.push_back(
-        fmt::format("max_range_m: {}, expected > min_range_m ({})", max_range_m, min_range_m));
+    broken.push_back(fmt::format(
+        "max_range_m (--max-range): {}, expected more than min_range_m (--min-range), which is {}",
+        max_range_m, min_range_m));
   for (const std::string& each : trajectory.violations()) broken.push_back(each);
   if (edits_file && !fusion)
-    broken.emplace_back("edits_file: found without fusion, expected fusion on");
+    broken.emplace_back(
+        "edits_file (--edits): found without fusion, expected fusion on (--fusion on)");
   return broken;
 }
 

@@ -34,9 +34,11 @@ maps::Drive placed(const maps::Drive& drive, const MapBuildOptions& options) {
   const std::string name = drive.contents().root.string();
   if (!drive.has_poses())
     throw maps::InputError(name, "no poses beside a geodetic origin",
-                           "poses in a frame whose x is east and y is north");
+                           "poses in a frame whose x is east and y is north: give --poses FILE, or "
+                           "leave out --geo-origin");
   if (drive.contents().origin)
-    throw maps::InputError(name, "a drive that says where its poses lie", "no --geo-origin");
+    throw maps::InputError(name, "a drive that says where its poses lie",
+                           "none in its recording: leave out --geo-origin");
   maps::Drive::Contents contents = drive.contents();
   contents.origin = options.geodetic_origin;
   return maps::Drive(std::move(contents));
@@ -71,7 +73,9 @@ std::vector<maps::Drive> open_drives(const std::vector<std::filesystem::path>& f
                                      const MapBuildOptions& options) {
   if (folders.empty()) throw std::invalid_argument("drives: none, expected at least one");
   if (options.poses_file && folders.size() > 1)
-    throw std::invalid_argument("poses file: found with several drives, expected one drive");
+    throw std::invalid_argument(
+        "poses file (--poses): found with several drives, expected one drive: put each drive's "
+        "poses beside its scans");
   std::vector<maps::Drive> drives;
   for (const std::filesystem::path& folder : folders)
     drives.push_back(open_drive(folder, options, 0.0));
@@ -102,19 +106,21 @@ std::string odometry_of(const std::vector<maps::Drive>& drives, const MapBuildOp
   if (believes && !options.odometry) method = odometry_names().front();
   if (method == kGiven) {
     if (believes)
-      throw std::invalid_argument("odometry: found given beside a prior or GNSS, expected " +
-                                  fmt::format("{}", fmt::join(odometry_names(), " or ")));
+      throw std::invalid_argument(
+          "odometry (--odometry): found given beside a prior (--pose-sigma) or GNSS "
+          "(--gnss-sigma), expected " +
+          fmt::format("{}", fmt::join(odometry_names(), " or ")));
     for (const maps::Drive& drive : drives) {
       if (!drive.has_poses())
         throw maps::InputError(drive.contents().root.string(), "a drive without poses",
-                               "poses in its layout or a file given with --poses, or odometry");
+                               "poses: give --poses FILE, or leave out --odometry given");
     }
     return method;
   }
   const std::vector<std::string> names = odometry_names();
   if (std::find(names.begin(), names.end(), method) == names.end())
-    throw std::invalid_argument(fmt::format("odometry: found '{}', expected {} or {}", method,
-                                            kGiven, fmt::join(names, ", ")));
+    throw std::invalid_argument(fmt::format("odometry (--odometry): found '{}', expected {} or {}",
+                                            method, kGiven, fmt::join(names, ", ")));
   return method;
 }
 

@@ -18,6 +18,8 @@ constexpr std::uint64_t kLeastCommonCells = 50;
 constexpr double kThinWallM = 0.02;
 constexpr const char* kWhatToDo =
     "; check the poses of the new drives (`given_poses` in the report says how far they are off)";
+constexpr const char* kHoldBackMore =
+    "; hold back more: --held-back DRIVE, a smaller --held-back-every, or a longer drive";
 /// 0.98 is not 0.99 - 0.01 in doubles.
 constexpr double kRounding = 1e-9;
 
@@ -42,10 +44,11 @@ class Checks {
     add({name, static_cast<double>(found), static_cast<double>(limit), found <= limit,
          fmt::format("{}: {}, at most {}", what, found, limit)});
   }
-  void count_at_least(const std::string& name, std::size_t found, std::size_t limit,
-                      const std::string& what) {
-    add({name, static_cast<double>(found), static_cast<double>(limit), found >= limit,
-         fmt::format("{}: {}, at least {}", what, found, limit)});
+  void enough_queries(std::size_t found, std::size_t limit) {
+    const bool passed = found >= limit;
+    add({"least_queries", static_cast<double>(found), static_cast<double>(limit), passed,
+         fmt::format("held-back scans to judge by: {}, at least {}{}", found, limit,
+                     passed ? "" : kHoldBackMore)});
   }
   /// Of what two versions have in common.
   /// @param cells  in common; of too few nothing is asked.
@@ -132,8 +135,7 @@ GateVerdict decide(const GateFigures& figures, const GateLimits& limits) {
   const double found = share_of(figures.found, figures.queries);
   const double in_keep = share_of(figures.found_in_keep, figures.queries);
   Checks checks;
-  checks.count_at_least("least_queries", figures.queries, limits.least_queries,
-                        "held-back scans asked for");
+  checks.enough_queries(figures.queries, limits.least_queries);
   checks.at_least("least_found_in_keep", in_keep, limits.least_found_in_keep,
                   "held-back scans found in the map that keeps what can move");
   checks.at_most("found_below_keep", in_keep - found, limits.found_below_keep,

@@ -104,11 +104,14 @@ void require_comparable(const RebuildOptions& options) {
   const maps::Drive drive = held_back_drive(options);
   const std::string name = options.held_back->string();
   if (!drive.has_poses())
-    throw maps::InputError(name, "a drive without poses", "poses in the frame of the map's drives");
+    throw maps::InputError(name, "a drive without poses",
+                           "poses in the frame of the map's drives: hold back another drive, or "
+                           "leave out --held-back");
   const std::vector<maps::Drive> own = open_drives(options.drives, options.build);
   if (!is_in_own_frame(own, options.build))
-    throw maps::InputError(name, "poses of its own beside a map whose poses are estimated",
-                           "drives with poses, or scans held back from the drives themselves");
+    throw maps::InputError(
+        name, "poses of its own beside a map whose poses are estimated",
+        "drives with poses, or scans held back from the drives themselves: leave out --held-back");
   (void)T_first_own(own.front(), drive);
 }
 

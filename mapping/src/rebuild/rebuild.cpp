@@ -54,15 +54,16 @@ RebuildOptions completed(RebuildOptions options) {
 
 void require_usable(const RebuildOptions& options) {
   if (!options.held_back && options.held_back_every < 2)
-    throw std::invalid_argument(
-        fmt::format("held_back_every: {}, expected at least 2", options.held_back_every));
+    throw std::invalid_argument(fmt::format(
+        "held_back_every (--held-back-every): {}, expected at least 2", options.held_back_every));
   if (options.build.finds_pose_time_offset)
     throw std::invalid_argument(
         "--pose-time-offset: auto is not possible in a rebuild; run 'stillmap inspect DRIVE "
         "--motion' and pass the seconds that it names");
   if (options.previous && options.build.register_to)
     throw std::invalid_argument(
-        "register_to: found beside a previous version, expected one of them");
+        "register_to (--register-to): found beside a previous version (--previous), expected one "
+        "of them: leave one out");
   if (const auto broken = options.limits.violations(); !broken.empty())
     throw std::invalid_argument("gate limits: " + broken.front());
 }
@@ -92,7 +93,7 @@ void require_one_file_system(const fs::path& work, const fs::path& map) {
   if (::stat(work.c_str(), &a) != 0) throw maps::StorageError(work.string(), std::strerror(errno));
   if (a.st_dev != b.st_dev)
     throw maps::InputError(work.string(), "another file system than " + folder.string(),
-                           "the same");
+                           "the same: give a --work folder beside the map");
 }
 
 std::uint64_t bytes_of(const maps::MapPackage& map) {
@@ -253,11 +254,12 @@ class Rebuild {
     const std::optional<std::string> done = work_.remembered("done");
     const bool published = done && fs::exists(options_.map);
     if (!published && fs::exists(fs::symlink_status(options_.map)))
-      throw maps::InputError(options_.map.string(), "an existing path", "a new one");
+      throw maps::InputError(options_.map.string(), "an existing path",
+                             "a new one: give another name, or remove it");
     fs::path place = published ? options_.map : work_.path("map");
     const std::string digest = package("map", place, options_.build);
     if (published && (digest != *done || maps::MapPackage::open(place)->digest() != digest))
-      throw maps::InputError(place.string(), "another map", "a new path");
+      throw maps::InputError(place.string(), "another map", "a new path: give another name");
     return place;
   }
 

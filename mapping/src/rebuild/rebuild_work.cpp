@@ -74,12 +74,13 @@ RebuildWork::RebuildWork(fs::path folder, const std::string& key) : folder_(std:
   const fs::path key_file = folder_ / kKeyName;
   if (!fs::exists(key_file) && !is_new(folder_))
     throw maps::InputError(folder_.string(), "other things than a rebuild's work",
-                           "an empty folder, or one that a rebuild worked in");
+                           "an empty folder, or one that a rebuild worked in: give another --work");
   lock_ = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (lock_ < 0) fail(folder_);
   if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
     ::close(lock_);
-    throw maps::InputError(folder_.string(), "a folder that another rebuild works in", "none");
+    throw maps::InputError(folder_.string(), "a folder that another rebuild works in",
+                           "none: wait for that rebuild, or give another --work");
   }
   try {
     const std::string found = fs::exists(key_file) ? maps::read_text(key_file) : "";

@@ -148,10 +148,16 @@ Eigen::Isometry3d find(const std::filesystem::path& map, const FrameSearch& sear
   const std::vector<FrameSight> sights = search.localize(scans, std::nullopt);
   if (const auto T = most_agreed(sights, kFound, kLeastFound)) return *T;
   if (sights.size() < kLeastFound)
-    refuse(map, fmt::format("{} of {} scans in it", sights.size(), scans.size()),
-           fmt::format("at least {}: the drives do not overlap with this map", kLeastFound));
-  refuse(map, fmt::format("{} scans at places that no one motion explains", sights.size()),
-         fmt::format("more than half of them within {} m of one", kFound.translation_m));
+    refuse(
+        map,
+        fmt::format("only {} of {} scans of the drives in this map", sights.size(), scans.size()),
+        fmt::format("at least {}: the drives do not overlap with this map, or the place has "
+                    "changed; give a map of the same place, or build without --register-to",
+                    kLeastFound));
+  refuse(map, fmt::format("{} scans at places of this map that do not fit together", sights.size()),
+         fmt::format("more than half of them within {} m of one motion: give a map of the same "
+                     "place, or build without --register-to",
+                     kFound.translation_m));
 }
 
 /// Largest distance from the first sight that agrees [m].
@@ -173,17 +179,21 @@ void require_agreement(const std::filesystem::path& map, const std::vector<Frame
   if (static_cast<double>(fit.agreeing) < kLeastShareAgreeing * static_cast<double>(sights.size()))
     refuse(
         map,
-        fmt::format("{} of {} localized scans within {} m and {:g} deg of one motion", fit.agreeing,
-                    sights.size(), kAgreed.translation_m, kAgreed.rotation_rad / kRadPerDeg),
-        fmt::format("{} %: the drives' poses and this map are bent against each other",
+        fmt::format("{} of {} scans that agree on one motion of the drives into this map (within "
+                    "{} m and {:g} deg)",
+                    fit.agreeing, sights.size(), kAgreed.translation_m,
+                    kAgreed.rotation_rad / kRadPerDeg),
+        fmt::format("at least {} %: the poses of the drives, or of this map, are bent; check the "
+                    "drives (`stillmap inspect DRIVE --motion`), or build without --register-to",
                     100 * kLeastShareAgreeing));
   const double span_m = span_of(sights, fit);
   if (fit.agreeing < kLeastAgreeing || !(span_m >= kLeastSpanM))
-    refuse(
-        map,
-        fmt::format("{} of {} scans localized in it, over {:.1f} m", fit.agreeing, asked, span_m),
-        fmt::format("at least {} over {} m: too little of the drives overlaps with this map",
-                    kLeastAgreeing, kLeastSpanM));
+    refuse(map,
+           fmt::format("{} of {} scans of the drives in this map, over {:.1f} m", fit.agreeing,
+                       asked, span_m),
+           fmt::format("at least {} over {} m: too little of the drives overlaps with this map; "
+                       "give longer drives, or build without --register-to",
+                       kLeastAgreeing, kLeastSpanM));
 }
 
 /// Whether a motion leaves all poses where they are, as far as localization can tell.

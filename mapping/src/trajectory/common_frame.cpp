@@ -27,8 +27,10 @@ Eigen::Isometry3d T_first_own(const maps::Drive& first, const maps::Drive& drive
   const auto& origin = first.contents().origin;
   const auto& own = drive.contents().origin;
   if (own.has_value() != origin.has_value())
-    throw maps::InputError(drive.contents().root.string(), text_of(own),
-                           text_of(origin) + " as the first drive's");
+    throw maps::InputError(
+        drive.contents().root.string(), text_of(own),
+        text_of(origin) +
+            " as the first drive's: give drives in one frame, or build a map of each");
   if (!own || same(*own, *origin)) return Eigen::Isometry3d::Identity();
   return maps::T_enu_enu(*origin, *own);
 }

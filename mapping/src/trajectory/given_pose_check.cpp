@@ -24,7 +24,8 @@ std::vector<OdometryPose> odometry_at(const maps::Drive& posed, const maps::Driv
       throw maps::InputError(
           posed.contents().root.string(),
           fmt::format("a scan at {} ns by the poses file, which the drive does not have", stamp_ns),
-          "poses for scans whose names or files tell their stamps");
+          "stamps of the drive's own: use a drive whose names or files tell the stamps of its "
+          "scans");
     found.push_back(odometry[scan]);
   }
   return found;

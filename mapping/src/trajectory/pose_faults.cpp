@@ -224,8 +224,8 @@ std::vector<maps::DriveFinding> findings_of(const PoseFaults& faults,
     findings.push_back(
         {"pose_clock",
          fmt::format(
-             "the stamps of the poses{} are {:.3f} s {} those of the scans, by how the sensor "
-             "moves and turns",
+             "the stamps of the poses{} are {:.3f} s {} those of the scans, measured by how the "
+             "sensor moves and turns",
              applied.seconds == 0.0 ? "" : fmt::format(", with {:.3f} s added,", applied.seconds),
              std::abs(*offset_s), *offset_s > 0.0 ? "behind" : "ahead of"),
          applied.several_drives

@@ -163,7 +163,8 @@ void require_joined(const std::vector<maps::Drive>& drives,
   if (const auto apart = drive_apart(drives.size(), keyframes, loops))
     throw maps::InputError(drives[*apart].contents().root.string(),
                            "no place that the other drives have seen too",
-                           "drives that overlap, or poses of all of them as a prior");
+                           "drives that overlap: give poses for every drive (with --pose-sigma or "
+                           "--gnss-sigma), or build this drive as a map of its own");
 }
 
 /// Given poses that the rest of the graph denies.
@@ -207,17 +208,18 @@ void check(const std::vector<maps::Drive>& drives, const TrajectoryOptions& opti
     throw std::invalid_argument("trajectory options: " + broken.front());
   if (drives.size() > 1 && !options.loops && !asks_given(options))
     throw std::invalid_argument(
-        "loops: found off with several drives, expected on, or poses of all drives as a prior or "
-        "as "
-        "GNSS: nothing else tells where the drives are to each other");
+        "loops: found off with several drives, expected on, as nothing else tells where the drives "
+        "are to each other: give --loops on, or poses for every drive (with --pose-sigma or "
+        "--gnss-sigma)");
   for (const maps::Drive& drive : drives) {
     if (options.begin >= std::min(options.end.value_or(drive.size()), drive.size()))
       throw maps::InputError(drive.contents().root.string(),
                              fmt::format("{} scans, none selected", drive.size()),
-                             "at least one selected scan");
+                             "at least one: change --select");
     if (asks_given(options) && !drive.has_poses())
-      throw maps::InputError(drive.contents().root.string(), "a drive without poses",
-                             "poses to take as a prior or as GNSS");
+      throw maps::InputError(
+          drive.contents().root.string(), "a drive without poses",
+          "poses: give --poses FILE, or leave out --pose-sigma and --gnss-sigma");
   }
 }
 
@@ -230,16 +232,20 @@ std::vector<std::string> TrajectoryOptions::violations() const {
       broken.push_back(fmt::format("{}: {}, expected in (0, {}]", name, value, most));
   };
   if (prior) {
-    check_positive("prior.sigma_m", prior->sigma_m, 1e4);
-    check_positive("prior.sigma_rad", prior->sigma_rad, 3.2);
+    check_positive("prior.sigma_m (--pose-sigma)", prior->sigma_m, 1e4);
+    check_positive("prior.sigma_rad (--pose-sigma)", prior->sigma_rad, 3.2);
   }
-  if (gnss_sigma_m) check_positive("gnss_sigma_m", *gnss_sigma_m, 1e4);
+  if (gnss_sigma_m) check_positive("gnss_sigma_m (--gnss-sigma)", *gnss_sigma_m, 1e4);
   if (prior && gnss_sigma_m)
-    broken.emplace_back("gnss_sigma_m: found beside a prior, expected one of them");
+    broken.emplace_back(
+        "gnss_sigma_m (--gnss-sigma): found beside a prior (--pose-sigma), expected one of them: "
+        "leave one out");
   if (refine_given && (prior || gnss_sigma_m))
-    broken.emplace_back("refine_given: found beside a prior or GNSS, expected one of them");
+    broken.emplace_back(
+        "refine_given (--given-poses refine): found beside a prior (--pose-sigma) or GNSS "
+        "(--gnss-sigma), expected one of them: leave the others out");
   if (threads < 0 || threads > 256)
-    broken.push_back(fmt::format("threads: {}, expected in [0, 256]", threads));
+    broken.push_back(fmt::format("threads (--threads): {}, expected in [0, 256]", threads));
   return broken;
 }
 

@@ -43,7 +43,7 @@ std::unique_ptr<Bag> open_unpacked(const std::filesystem::path& file,
   if (format == BagFormat::kSqlite) return std::make_unique<Rosbag2Database>(file, shown_as);
   if (format == BagFormat::kRos1) return std::make_unique<ros1::Ros1Bag>(file, shown_as);
   throw InputError(shown_as.string(), "no bag by its first bytes",
-                   "MCAP, a SQLite file of rosbag2 or a bag of ROS 1");
+                   "MCAP, a SQLite file of rosbag2 or a bag of ROS 1: record or copy it again");
 }
 
 }  // namespace
@@ -53,8 +53,8 @@ std::unique_ptr<Bag> open_bag(const std::filesystem::path& file) {
   const UnpackedBag unpacked(file);
   std::unique_ptr<Bag> bag = open_unpacked(unpacked.file(), file);
   bag->add_note(
-      fmt::format("{} is packed as a whole: unpacked to {} bytes for as long as it is read (zstd "
-                  "-d does so for good)",
+      fmt::format("{} is packed as a whole: unpacked to {} bytes while it is read; to save this "
+                  "time, unpack it once with `zstd -d`",
                   file.filename().string(), unpacked.size()));
   return bag;
 }

@@ -118,9 +118,11 @@ void place_by_gnss(Drive::Contents& contents, const Bags& bags, const BagSurvey&
     throw InputError(
         name,
         fmt::format("no GNSS on {}; there is {}", *choice.gnss, listed.empty() ? "none" : listed),
-        fmt::format("a topic of {}", kNavSatFix));
+        fmt::format("a topic of {}: choose one that the bag has, or leave out gnss", kNavSatFix));
   if (contents.T_map_lidar.empty())
-    throw InputError(name, "gnss without poses", "poses, which it brings to their place");
+    throw InputError(
+        name, "gnss without poses",
+        "poses, which it brings to their place: choose poses=TOPIC, or leave out gnss");
   const Trajectory path = path_of(contents);
   FixesOnPath fixes(path, survey.tree, contents.entries.frame_id);
   read_fixes(bags, topic->first, fixes);

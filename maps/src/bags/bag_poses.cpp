@@ -85,16 +85,20 @@ Eigen::Isometry3d T_pose_cloud(const PoseSearch& search, const std::string& topi
   }
   const std::string frame = search.choice.pose_frame.value_or(child);
   if (frame.empty() && cloud != frame)
-    throw InputError(search.name, fmt::format("{} without a name of the frame it moves", topic),
-                     fmt::format("it chosen, as in '{}?pose_frame={}'; frames are {}", search.name,
-                                 cloud, tree.names()));
+    throw InputError(
+        search.name, fmt::format("poses on {} that name no frame", topic),
+        fmt::format(
+            "the name of the frame that moves: choose it, as in '{}?pose_frame={}'; frames are {}",
+            search.name, cloud, tree.names()));
   if (frame == cloud) return Eigen::Isometry3d::Identity();
   if (const auto T = tree.T_between(frame, cloud)) return *T;
   throw InputError(
       search.name,
-      fmt::format("no way by tf_static from '{}' of {} to '{}' of the clouds; frames are {}", frame,
-                  topic, cloud, tree.names()),
-      fmt::format("one, or the poses' frame chosen, as in '{}?pose_frame={}', or poses=none",
+      fmt::format("no transform in tf_static from '{}' of the poses on {} to '{}' of the clouds; "
+                  "frames are {}",
+                  frame, topic, cloud, tree.names()),
+      fmt::format("that transform: record tf_static too; if the poses are in truth those of '{1}', "
+                  "give '{0}?pose_frame={1}'; to do without poses, '{0}?poses=none'",
                   search.name, cloud));
 }
 
@@ -109,10 +113,11 @@ BagPoses poses_of_topic(const PoseSearch& search, const std::string& topic) {
         if (pose.T_parent_child) near.add(pose.stamp_ns, *pose.T_parent_child);
       });
   if (!frames.other.empty())
-    throw InputError(search.name,
-                     fmt::format("poses of '{}' in '{}' and {} on {}", *frames.child,
-                                 *frames.parent, frames.other, topic),
-                     "one frame in one other, or poses=none");
+    throw InputError(
+        search.name,
+        fmt::format("poses of '{}' in '{}' and {} on {}", *frames.child, *frames.parent,
+                    frames.other, topic),
+        "one frame in one other: choose another topic with poses=TOPIC, or poses=none");
   BagPoses poses;
   poses.source = topic;
   if (frames.invalid > 0)
@@ -120,7 +125,7 @@ BagPoses poses_of_topic(const PoseSearch& search, const std::string& topic) {
         "{} poses of {} left out, which are not finite or no rotation", frames.invalid, topic));
   if (near.added() == 0)
     throw InputError(search.name, fmt::format("no poses on {} that can be read", topic),
-                     "some, or poses=none");
+                     "poses: choose another topic with poses=TOPIC, or poses=none");
   poses.factors.push_back({near.trajectory(), {}});
   const Eigen::Isometry3d T = T_pose_cloud(search, topic, frames.child.value_or(""), poses.notes);
   if (!T.matrix().isIdentity(0.0)) poses.factors.push_back({{}, T});
@@ -153,7 +158,7 @@ BagPoses poses_of_tf(const PoseSearch& search, const std::vector<FrameTree::Step
       throw InputError(search.name,
                        fmt::format("no transform from '{}' to '{}' that can be read",
                                    steps[i].parent, steps[i].child),
-                       "some, or poses=none");
+                       "transforms: choose a topic of poses with poses=TOPIC, or poses=none");
     poses.factors.push_back({near[i].trajectory(), {}});
   }
   return poses;
@@ -172,9 +177,10 @@ std::vector<FrameTree::Step> steps_to_map(const PoseSearch& search) {
                                     [](const auto& step) { return is_map_frame(step.parent); });
   if (highest != steps.rend()) steps.erase(highest.base(), steps.end());
   if (steps.size() > kMostSteps)
-    throw InputError(search.name,
-                     fmt::format("{} frames above '{}' in tf", steps.size(), search.cloud_frame),
-                     fmt::format("at most {}", kMostSteps));
+    throw InputError(
+        search.name, fmt::format("{} frames above '{}' in tf", steps.size(), search.cloud_frame),
+        fmt::format("at most {}: choose a topic of poses with poses=TOPIC, or poses=none",
+                    kMostSteps));
   return steps;
 }
 
@@ -182,18 +188,19 @@ std::optional<BagPoses> find_tf(const PoseSearch& search, bool asked,
                                 std::vector<std::string>& notes) {
   if (search.choice.pose_frame)
     throw InputError(search.name, "pose_frame without a topic of poses",
-                     "one, as in poses=/odom&pose_frame=base_link");
+                     "a topic of poses beside it, as in poses=/odom&pose_frame=base_link");
   const std::vector<FrameTree::Step> steps = steps_to_map(search);
   if (!moves(steps) && asked)
     throw InputError(search.name,
                      fmt::format("nothing in tf that moves '{}'; frames are {}", search.cloud_frame,
                                  search.survey.tree.names()),
-                     "transforms from a standing frame to the clouds'");
+                     "transforms from a fixed frame to that of the clouds: choose a topic of poses "
+                     "with poses=TOPIC, or poses=none");
   if (!moves(steps)) return std::nullopt;
   if (asked || stands_still(steps.back().parent)) return poses_of_tf(search, steps);
   notes.push_back(
-      fmt::format("tf moves '{}' in '{}', which is not named as one that stands still (map, odom, "
-                  "world, earth): not taken as poses; poses=/tf does so",
+      fmt::format("tf is not used for poses: it moves '{}' in '{}', which has no name of a fixed "
+                  "frame (map, odom, world, earth); to use it, choose poses=/tf",
                   search.cloud_frame, steps.back().parent));
   return std::nullopt;
 }
@@ -220,10 +227,9 @@ Candidates topics_of_poses(const PoseSearch& search, std::vector<std::string>& n
       continue;
     }
     if (search.choice.poses) continue;
-    notes.push_back(
-        fmt::format("{} has {} poses for {} scans, which are no path: not taken; "
-                    "poses={} does so",
-                    topic, known.messages, search.stamps_ns.size(), topic));
+    notes.push_back(fmt::format(
+        "{} is not used for poses: it has only {} for {} scans; to use it, choose poses={}", topic,
+        known.messages, search.stamps_ns.size(), topic));
   }
   return found;
 }
@@ -284,11 +290,11 @@ std::optional<BagPoses> find_poses(const PoseSearch& search, std::vector<std::st
       return find_tf(search, true, notes);
     if (asked != survey.topics.end() && is_pose_type(asked->second.type))
       return poses_of_topic(search, asked->first);
-    throw InputError(
-        name,
-        fmt::format("no poses on {}; there are {}", *choice.poses,
-                    candidates.listed.empty() ? "none" : candidates.listed),
-        fmt::format("a topic of {}, {} or {}", kNavOdometry, kPoseStamped, kTfMessage));
+    throw InputError(name,
+                     fmt::format("no poses on {}; there are {}", *choice.poses,
+                                 candidates.listed.empty() ? "none" : candidates.listed),
+                     fmt::format("a topic of {}, {} or {}, or poses=none", kNavOdometry,
+                                 kPoseStamped, kTfMessage));
   }
   // Whoever says the frame that they are of speaks of a topic.
   if (!choice.pose_frame) add_tf(search, candidates);

@@ -46,14 +46,14 @@ class Surveyor {
           (head_bytes_of(known.type) > 0 || head_bytes_of(topic.type) > 0))
         throw InputError(bag.file().string(),
                          "topic " + topic.name + " of " + known.type + " and " + topic.type,
-                         "one type");
+                         "one type: record each type on a topic of its own");
       wanted.push_back(head_bytes_of(topic.type));
     }
     const BagDamage damage =
         bag.visit(wanted, [&](const BagMessage& message) { take(message, number); });
     if (clouds_ > kMostClouds)
       throw InputError(bag.file().string(), fmt::format("over {} clouds", kMostClouds),
-                       "fewer, or the bag in parts");
+                       "fewer: split the bag, and give its parts as several drives");
     if (damage.parts == 0) return;
     if (survey_.damage.parts == 0)
       survey_.damage.first = bag.file().filename().string() + " " + damage.first;

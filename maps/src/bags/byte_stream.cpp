@@ -46,7 +46,8 @@ class PackedStream : public ByteStream {
   }
   void used(std::size_t bytes) { begin_ += bytes; }
   [[noreturn]] void refuse(const char* reason) const {
-    throw InputError(name_, std::string("packed bytes with: ") + reason, "whole ones");
+    throw InputError(name_, std::string("packed bytes with: ") + reason,
+                     "whole ones: copy the file again");
   }
 
  private:
@@ -225,7 +226,7 @@ std::unique_ptr<ByteStream> unpacked(std::unique_ptr<ByteStream> packed,
     return std::make_unique<ZstdStream>(std::move(packed), std::move(name));
   if (compression == "bz2") return std::make_unique<Bz2Stream>(std::move(packed), std::move(name));
   throw InputError(name, "compression '" + std::string(compression.substr(0, 32)) + "'",
-                   "none, lz4, zstd or bz2");
+                   "none, lz4, zstd or bz2: convert the bag to one of these");
 }
 
 }  // namespace stillmap::maps

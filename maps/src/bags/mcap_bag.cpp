@@ -90,7 +90,8 @@ Serialization serialization_of(const std::string& encoding) {
 McapBag::McapBag(const std::filesystem::path& file, const std::filesystem::path& shown_as)
     : reader_(file, shown_as) {
   if (!is_magic_at(reader_, 0))
-    throw InputError(reader_.file().string(), "no magic bytes of MCAP 0 at its start", "them");
+    throw InputError(reader_.file().string(), "no magic bytes of MCAP at its start",
+                     "them: copy or record the file again");
   if (!read_summary()) {
     channels_ = {};
     chunks_.clear();
@@ -214,7 +215,7 @@ std::size_t McapBag::read_and_check(Chunk& chunk, const MessagePlace& place,
   const std::string trouble = chunk.finish();
   if (trouble.starts_with("CRC"))
     throw InputError(fmt::format("{} chunk at byte {}", file().string(), place.outer), trouble,
-                     "bytes as they were written");
+                     "bytes as they were written: copy the bag again");
   const std::scoped_lock lock(mutex_);
   checked_.insert(place.outer);
   return got;

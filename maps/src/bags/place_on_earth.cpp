@@ -86,8 +86,9 @@ Eigen::Isometry3d fit_robustly(const Pairs& pairs) {
 
 PlaceOnEarth place_on_earth(const std::vector<FixOnPath>& fixes, const std::string& source) {
   if (fixes.size() < kLeastFixes)
-    throw InputError(source, fmt::format("{} fixes beside the poses", fixes.size()),
-                     fmt::format("at least {}", kLeastFixes));
+    throw InputError(
+        source, fmt::format("{} fixes beside the poses", fixes.size()),
+        fmt::format("at least {}: record both together, or leave out gnss=TOPIC", kLeastFixes));
   PlaceOnEarth found;
   found.origin = middle_of(fixes);
   const auto count = static_cast<Eigen::Index>(fixes.size());
@@ -99,8 +100,10 @@ PlaceOnEarth place_on_earth(const std::vector<FixOnPath>& fixes, const std::stri
   }
   const double reach = reach_m(pairs.map);
   if (!(reach >= kLeastReachM))
-    throw InputError(source, fmt::format("poses that reach {:.1f} m from their middle", reach),
-                     fmt::format("{} m and more, or no heading is known", kLeastReachM));
+    throw InputError(
+        source, fmt::format("poses that reach {:.1f} m from their middle", reach),
+        fmt::format("{} m and more, as the heading is unknown else: leave out gnss=TOPIC",
+                    kLeastReachM));
   found.T_enu_map = fit_robustly(pairs);
   found.residual_m = median(distances_m(pairs, found.T_enu_map));
   if (!(found.residual_m <= kMostResidual * reach))
@@ -109,7 +112,9 @@ PlaceOnEarth place_on_earth(const std::vector<FixOnPath>& fixes, const std::stri
         fmt::format("fixes {:.2f} m off the poses at the median, which reach {:.1f} m "
                     "from their middle",
                     found.residual_m, reach),
-        fmt::format("at most {} % of that, or no heading is known", 100.0 * kMostResidual));
+        fmt::format("at most {} % of that, as the heading is unknown else: check the poses and the "
+                    "fixes, or leave out gnss=TOPIC",
+                    100.0 * kMostResidual));
   const Eigen::VectorXd heights = (pairs.enu - found.T_enu_map * pairs.map).row(2);
   found.T_enu_map.translation().z() = median(std::vector<double>(heights.begin(), heights.end()));
   return found;

@@ -222,8 +222,9 @@ void Rosbag2Database::refuse(const std::string& what) const {
   const std::string reason = sqlite3_errmsg(connection_.get());
   if (code == SQLITE_IOERR || code == SQLITE_CANTOPEN || code == SQLITE_NOMEM)
     throw StorageError(file_.string(), reason);
-  throw InputError(file_.string(), what + ": " + reason,
-                   "a SQLite file of rosbag2 with the tables topics and messages");
+  throw InputError(
+      file_.string(), what + ": " + reason,
+      "a SQLite file of rosbag2 with the tables topics and messages: copy the whole bag again");
 }
 
 Rosbag2Database::Statement Rosbag2Database::prepare(const char* sql) const {
@@ -258,7 +259,7 @@ bool Rosbag2Database::check_tables() const {
   };
   if (!has("topics") || !has("messages"))
     throw InputError(file_.string(), "a SQLite database without tables topics and messages",
-                     "one of rosbag2");
+                     "one of rosbag2: check the path");
   for (const std::string& table : found) {
     const std::string sql = "SELECT 1 FROM pragma_table_xinfo('" + table + "') WHERE hidden <> 0";
     if (step(*prepare(sql.c_str())))
@@ -273,8 +274,9 @@ void Rosbag2Database::check_schema() const {
   while (step(*schema)) {
     const std::int64_t version = sqlite3_column_int64(schema.get(), 0);
     if (version > kLatestSchema)
-      throw InputError(file_.string(), fmt::format("schema {} of rosbag2", version),
-                       fmt::format("1 to {}", kLatestSchema));
+      throw InputError(
+          file_.string(), fmt::format("schema {} of rosbag2", version),
+          fmt::format("1 to {}: convert the bag to MCAP (`ros2 bag convert`)", kLatestSchema));
   }
 }
 

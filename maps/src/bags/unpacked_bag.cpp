@@ -95,8 +95,9 @@ void UnpackedBag::unpack(const fs::path& packed) {
   std::vector<std::byte> piece(kCopiedBytes);
   while (const std::size_t got = stream->read(piece)) {
     if (size_ + got > most)
-      throw InputError(packed.string(), fmt::format("more than {} unpacked bytes", most),
-                       fmt::format("at most {} times the packed ones", kMostRatio));
+      throw InputError(
+          packed.string(), fmt::format("more than {} unpacked bytes", most),
+          fmt::format("at most {} times the packed ones: unpack the file first", kMostRatio));
     write_all(descriptor_, std::span(piece).first(got), packed, size_);
     size_ += got;
   }

@@ -38,7 +38,8 @@ std::vector<double> read_row(const std::filesystem::path& file,
       return values;
     }
   }
-  throw InputError(file.string(), "no " + std::string(*names.begin()), "a line with it");
+  throw InputError(file.string(), "no " + std::string(*names.begin()),
+                   "a line with it: copy the whole calibration");
 }
 
 Eigen::Matrix3d rotation(const std::vector<double>& v) {
@@ -116,7 +117,7 @@ Calibration find_calibration(const std::filesystem::path& label_file) {
   }
   throw InputError(label_file.string(), "no calibration",
                    "calib.txt beside it, ../calib/ with its name, or calib_velo_to_cam.txt and "
-                   "calib_cam_to_cam.txt above it");
+                   "calib_cam_to_cam.txt above it: copy the calibration there");
 }
 
 Eigen::Affine3d T_rect_lidar_of(const Calibration& calibration) {

@@ -100,17 +100,22 @@ void check_readings(const DriveCheck& check, std::vector<DriveFinding>& findings
   if (!check.overlap) return;
   const PoseOverlap& overlap = *check.overlap;
   const auto add = [&](const std::string& reading, double share, const std::string& remedy) {
-    findings.push_back(
-        {"frame_of_poses",
-         fmt::format("scans that lie apart overlap by {:.0f} % with the poses as they are, and by "
-                     "{:.0f} % {}",
-                     100.0 * overlap.given, 100.0 * share, reading),
-         remedy});
+    findings.push_back({"frame_of_poses",
+                        fmt::format("scans that lie apart overlap by {:.0f} % with the poses as "
+                                    "they are, and by {:.0f} % {}",
+                                    100.0 * overlap.given, 100.0 * share, reading),
+                        remedy});
   };
-  if (is_better(overlap.other, overlap) && overlap.other >= overlap.without)
-    return add("as " + overlap.other_reading, overlap.other,
-               "give poses T_map_lidar, which take points of the lidar to the map: invert them, or "
-               "multiply each by the sensor's place in their frame from the right");
+  if (is_better(overlap.other, overlap) && overlap.other >= overlap.without) {
+    const bool is_inverse = overlap.other_reading.starts_with("the inverses of poses");
+    const bool is_of_other_axes = overlap.other_reading.find("a frame") != std::string::npos;
+    std::string remedy = "give poses T_map_lidar, from the lidar frame to the map frame: ";
+    if (is_inverse) remedy += "replace each pose by its inverse";
+    if (is_inverse && is_of_other_axes) remedy += ", then ";
+    if (is_of_other_axes)
+      remedy += "multiply each pose from the right by the lidar's place in the frame of the poses";
+    return add("if they are read as " + overlap.other_reading, overlap.other, remedy);
+  }
   if (is_better(overlap.without, overlap))
     add("without any", overlap.without,
         "the poses belong to other scans or another time: check their order and stamps, or leave "

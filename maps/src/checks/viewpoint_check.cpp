@@ -51,8 +51,8 @@ DriveFinding no_poses(const Drive& drive) {
   const bool pcd = drive.contents().scan_files.front().extension() == ".pcd";
   if (is_recording(drive.contents().layout))
     return {"no_poses", "no poses: none are taken of the recording",
-            "choose what it has (the notes say it), or give them with --poses FILE (KITTI or TUM) "
-            "where there are any; without, odometry makes them of the scans"};
+            "choose the poses that the notes name, or give --poses FILE (KITTI or TUM); without "
+            "poses, build finds them by odometry"};
   return {
       "no_poses",
       pcd ? "no poses: no file of them, and no VIEWPOINT of the scans is other than the identity"

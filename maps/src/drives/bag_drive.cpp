@@ -72,9 +72,9 @@ std::string listed(const BagSurvey& survey, bool clouds_only) {
     if (clouds_only && known.clouds.empty()) continue;
     if (number++ == kMost) return text + " ...";
     text += text.empty() ? "" : ", ";
-    text += clouds_only
-                ? fmt::format("{} ({} in '{}')", topic, known.clouds.size(), known.frames.front())
-                : fmt::format("{} of {}", topic, known.type);
+    text += clouds_only ? fmt::format("{} ({} clouds in '{}')", topic, known.clouds.size(),
+                                      known.frames.front())
+                        : fmt::format("{} of {}", topic, known.type);
   }
   return text.empty() ? "none" : text;
 }
@@ -102,7 +102,8 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
     if (known.type == kPointCloud2 && known.unreadable > 0)
       text += "; " + unreadable_text(topic, known);
   if (survey.damage.parts > 0) text += "; not readable " + survey.damage.first;
-  throw InputError(name, text, "messages of sensor_msgs/msg/PointCloud2");
+  throw InputError(name, text,
+                   "messages of sensor_msgs/msg/PointCloud2: choose or record a topic of them");
 }
 
 void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {
@@ -164,7 +165,8 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
   if (kept.empty())
     throw InputError(contents.root.string(),
                      fmt::format("no pose of {} within 0.2 s of any scan", poses.source),
-                     "poses at the scans' stamps, or poses=none");
+                     "poses at the scans' stamps: choose another topic with poses=TOPIC, or "
+                     "poses=none; if the clocks differ, build with --pose-time-offset SECONDS");
   const std::size_t without = contents.stamps_ns.size() - kept.size() - in_gaps.left_out;
   if (without > 0)
     contents.notes.push_back(
@@ -212,7 +214,8 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
     throw InputError(name,
                      fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],
                                  clouds.frames[1]),
-                     "one frame");
+                     "one frame: choose another topic with cloud=TOPIC, or record each frame on a "
+                     "topic of its own");
   Drive::Contents contents;
   contents.root = root;
   contents.layout = layout_of(scans->bags.front()->format());

@@ -59,7 +59,7 @@ fs::path existing(const fs::path& folder, const std::string& file) {
   fs::path path = folder / file;
   if (fs::is_regular_file(path, error)) return path;
   throw InputError((folder / kMetadata).string(), "'" + file + "', which is not there",
-                   "the files of the whole bag");
+                   "the files of the whole bag: copy them all into this folder");
 }
 
 /// `*.zstd` and `*.zst` of an extension, those left out that lie beside their unpacked file.
@@ -81,7 +81,8 @@ std::vector<fs::path> files_of_kind(const fs::path& folder, std::string_view ext
     throw InputError(
         folder.string(),
         files.front().filename().string() + " and " + packed.front().filename().string(),
-        "all of them packed or none, or rosbag2's metadata.yaml that names them");
+        "all of them packed or none, or rosbag2's metadata.yaml that names them: move the others "
+        "away");
   return files.empty() ? packed : files;
 }
 
@@ -109,7 +110,7 @@ std::vector<fs::path> bag_files(const fs::path& root) {
       throw InputError(
           root.string(),
           files.front().filename().string() + " and " + of_kind.front().filename().string(),
-          "files of one kind, or rosbag2's metadata.yaml that names them");
+          "files of one kind, or rosbag2's metadata.yaml that names them: move the others away");
     files = std::move(of_kind);
   }
   return files;

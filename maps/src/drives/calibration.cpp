@@ -27,7 +27,8 @@ std::optional<std::vector<double>> parse_values(const std::vector<std::string_vi
 }
 
 Calibration read_existing(const std::filesystem::path& file) {
-  if (!std::filesystem::exists(file)) throw InputError(file.string(), "no file", "a calibration");
+  if (!std::filesystem::exists(file))
+    throw InputError(file.string(), "no file", "a calibration: copy it there");
   return read_calibration(file);
 }
 
@@ -51,7 +52,8 @@ Eigen::Isometry3d checked(const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
   T.translation() = t;
   const Eigen::Matrix3d off = R.transpose() * R - Eigen::Matrix3d::Identity();
   if (!(off.cwiseAbs().maxCoeff() <= 1e-3) || R.determinant() < 0.0) {
-    throw InputError(file.string(), "a 3x3 part that is no rotation", "a rigid transform");
+    throw InputError(file.string(), "a 3x3 part that is no rotation",
+                     "a rigid transform: correct the matrix");
   }
   check_lever_arm(t, file);
   return renormalized(T);
@@ -100,7 +102,8 @@ Eigen::Isometry3d read_T_cam_velo(const std::filesystem::path& file) {
     return checked(T.leftCols<3>(), T.col(3), file);
   }
   throw InputError(file.string(), "no entry for velodyne to camera",
-                   "'Tr:', 'Tr_velo_to_cam:' or 'Tr_velo_cam:' with 12 numbers");
+                   "'Tr:', 'Tr_velo_to_cam:' or 'Tr_velo_cam:' with 12 numbers: copy the drive's "
+                   "whole calibration");
 }
 
 }  // namespace stillmap::maps

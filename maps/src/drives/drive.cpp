@@ -50,15 +50,16 @@ LayoutReader reader_for(const std::filesystem::path& root) {
     throw InputError(root.string(),
                      "both " + std::string(name_of(found[0].layout)) + " and " +
                          std::string(name_of(found[1].layout)),
-                     "one layout");
+                     "one layout: move the files of the other away");
   }
   if (found.size() == 1) return found.front();
   if (is_scan_folder(root)) return {DriveLayout::kScanFolder, is_scan_folder, open_scan_folder};
-  throw InputError(root.string(), "no layout that is known",
-                   "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
-                   "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
-                   "global_pose.csv (MulRan), *.mcap, *.db3 or *.bag (bags), *.rawlog (MRPT), or *.pcd, "
-                   "*.ply or *.bin");
+  throw InputError(
+      root.string(), "no layout that is known",
+      "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
+      "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
+      "global_pose.csv (MulRan), *.mcap, *.db3 or *.bag (bags), *.rawlog (MRPT), or *.pcd, "
+      "*.ply or *.bin");
 }
 
 /// Times of a spinning sensor's points from their azimuth, clockwise; see
@@ -85,13 +86,14 @@ Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
     const LayoutReader reader = reader_for(place);
     if (reader.open != nullptr && !words.empty())
       throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
-                       "its folder alone, or '?sensor=NAME'");
+                       "its folder alone, or '?sensor=NAME': leave out the rest");
     if (reader.open != nullptr) return reader.open(place, poses);
   }
   if (is_rawlog(place)) return open_rawlog_drive(place, words, poses);
   if (!std::filesystem::is_directory(place) && !is_bag(place)) {
     throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
-                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2, ROS 1) or an MRPT rawlog");
+                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2, ROS 1) or an MRPT "
+                     "rawlog: check the path");
   }
   return open_bag_drive(place, words, poses);
 }

@@ -23,7 +23,8 @@ std::vector<fs::path> keyframe_scans(const fs::path& root) {
   std::error_code ignored;
   if (!upper.empty() && !lower.empty() &&
       !fs::equivalent(root / "Scans", root / "scans", ignored)) {
-    throw InputError(root.string(), "both Scans/ and scans/ with *.pcd", "one of them");
+    throw InputError(root.string(), "both Scans/ and scans/ with *.pcd",
+                     "one of them: move the other away");
   }
   return upper.empty() ? lower : upper;
 }

@@ -28,8 +28,9 @@ std::vector<std::int64_t> stamps_of(const std::vector<fs::path>& scan_files,
   for (const fs::path& file : scan_files) {
     const std::optional<std::size_t> number = number_of(file);
     if (!number || *number >= lines.size()) {
-      throw InputError(file.string(), fmt::format("no stamp for it among {} lines", lines.size()),
-                       "its number as a line (from 0) of " + stamps_file.string());
+      throw InputError(
+          file.string(), fmt::format("no stamp for it among {} lines", lines.size()),
+          "its number as a line (from 0) of " + stamps_file.string() + ": copy the whole file");
     }
     stamps.push_back(lines[*number]);
   }
@@ -103,7 +104,8 @@ Drive::Contents open_kitti_raw(const fs::path& root, const PosesChoice& choice) 
   contents.root = root;
   contents.scan_files = list_files(velodyne / "data", ".bin");
   if (contents.scan_files.empty()) {
-    throw InputError((velodyne / "data").string(), "no *.bin files", "the scans of a synced drive");
+    throw InputError((velodyne / "data").string(), "no *.bin files",
+                     "the scans of a synced drive: copy them there");
   }
   contents.stamps_ns = stamps_of(contents.scan_files, velodyne / "timestamps.txt");
   contents.relative_clock = false;

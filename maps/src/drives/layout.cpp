@@ -98,7 +98,8 @@ std::vector<std::size_t> lines_of_scans(const std::vector<fs::path>& scan_files,
                                         const fs::path& lines_file, std::string_view what) {
   if (lines < scan_files.size()) {
     throw InputError(lines_file.string(), fmt::format("{} {}", lines, what),
-                     fmt::format("{}, one for each scan", scan_files.size()));
+                     fmt::format("{}, one for each scan: give the whole file, or take it away",
+                                 scan_files.size()));
   }
   std::vector<std::size_t> result;
   for (std::size_t i = 0; i < scan_files.size(); ++i) {
@@ -109,8 +110,8 @@ std::vector<std::size_t> lines_of_scans(const std::vector<fs::path>& scan_files,
     const std::optional<std::size_t> number = number_of(scan_files[i]);
     if (!number || *number >= lines) {
       throw InputError(lines_file.string(), fmt::format("{} {}", lines, what),
-                       fmt::format("{}, one for each scan, or scan files named by their line "
-                                   "(from 0), which {} is not",
+                       fmt::format("{}, one for each scan: give the file of these scans, or name "
+                                   "each scan file by its line (from 0), as {} is not",
                                    scan_files.size(), scan_files[i].filename().string()));
     }
     result.push_back(*number);
@@ -126,7 +127,7 @@ std::vector<std::int64_t> read_times(const fs::path& file) {
         line.fields.size() == 1 ? parse_stamp_ns(line.fields[0]) : std::nullopt;
     if (!stamp) {
       throw InputError(place(file, line.line), "'" + std::string(line.fields[0]) + "'",
-                       "one time in seconds");
+                       "one time in seconds on each line: correct the line");
     }
     stamps.push_back(*stamp);
   }
@@ -156,19 +157,21 @@ void assume_times(Drive::Contents& contents) {
 PosesFormat poses_format(const fs::path& file) {
   const std::string text = read_text(file);
   const std::vector<NumberLine> lines = number_lines(text);
-  if (lines.empty()) throw InputError(file.string(), "no poses", "KITTI or TUM poses");
+  if (lines.empty())
+    throw InputError(file.string(), "no poses",
+                     "KITTI or TUM poses: give another file, or take it away");
   const std::size_t numbers = lines.front().fields.size();
   if (numbers == 12) return PosesFormat::kKitti;
   if (numbers == 8) return PosesFormat::kTum;
   throw InputError(place(file, lines.front().line), std::to_string(numbers) + " fields",
-                   "12 numbers (KITTI) or 8 (TUM)");
+                   "12 numbers (KITTI) or 8 (TUM: stamp tx ty tz qx qy qz qw) on each line");
 }
 
 bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const fs::path& source,
                          std::int64_t offset_ns) {
   const Trajectory trajectory = shifted(own, offset_ns, source);
   const std::vector<StampedPose>& path = trajectory.poses();
-  if (path.empty()) throw InputError(source.string(), "no poses", "some");
+  if (path.empty()) throw InputError(source.string(), "no poses", "one or more");
   const std::vector<std::int64_t>& stamps = contents.stamps_ns;
   const PoseGaps gaps(trajectory);
   ScansInGaps in_gaps;
@@ -181,12 +184,14 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const
     poses.push_back(*pose);
   }
   if (kept.empty()) {
-    throw InputError(source.string(),
-                     fmt::format("poses from {} to {}, no pose within {} s of any scan",
-                                 seconds_text(path.front().stamp_ns),
-                                 seconds_text(path.back().stamp_ns), kMaxExtrapolationS),
-                     fmt::format("poses of scans from {} to {}", seconds_text(stamps.front()),
-                                 seconds_text(stamps.back())));
+    throw InputError(
+        source.string(),
+        fmt::format("poses from {} to {}, no pose within {} s of any scan",
+                    seconds_text(path.front().stamp_ns), seconds_text(path.back().stamp_ns),
+                    kMaxExtrapolationS),
+        fmt::format("poses of scans from {} to {}: give the poses of this drive; if the "
+                    "clocks differ, build with --pose-time-offset SECONDS",
+                    seconds_text(stamps.front()), seconds_text(stamps.back())));
   }
   const std::string name = source.filename().string();
   if (const std::size_t without = stamps.size() - kept.size() - in_gaps.left_out; without > 0)
@@ -315,15 +320,14 @@ void leave_out_unordered(Drive::Contents& contents) {
   const std::size_t count = contents.stamps_ns.size() - kept.size();
   if (count == 0) return;
   if (count * 10 > contents.stamps_ns.size()) {
-    throw InputError(contents.root.string(),
-                     fmt::format("stamps of {} of {} scans that do not rise with the others", count,
-                                 contents.stamps_ns.size()),
-                     "increasing stamps: sort the scans by their time, or give them the times that "
-                     "are theirs");
+    throw InputError(
+        contents.root.string(),
+        fmt::format("stamps out of order for {} of {} scans", count, contents.stamps_ns.size()),
+        "ascending stamps: sort the scans by time, or correct their times");
   }
   keep_scans(contents, kept);
-  contents.notes.push_back(fmt::format(
-      "{} scans left out, whose stamps do not rise with the others:{}", count, left_out));
+  contents.notes.push_back(
+      fmt::format("{} scans left out, whose stamps are out of order:{}", count, left_out));
 }
 
 }  // namespace stillmap::maps

@@ -89,7 +89,8 @@ void set_scans(Drive::Contents& contents) {
   for (const fs::path& file : contents.scan_files) {
     const std::optional<std::int64_t> stamp = stamp_of(file.stem().native());
     if (!stamp)
-      throw InputError(file.string(), "its name", "nanoseconds, as MulRan names its scans");
+      throw InputError(file.string(), "its name",
+                       "nanoseconds, as MulRan names its scans: keep MulRan's names");
     contents.stamps_ns.push_back(*stamp);
   }
   contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
@@ -176,7 +177,7 @@ Trajectory path_in_map(const fs::path& file, Drive::Contents& contents) {
         throw InputError(file.string(),
                          fmt::format("a pose at {}, {}, {} among others in UTM zone 52N",
                                      T.translation().x(), T.translation().y(), T.translation().z()),
-                         "all in one frame");
+                         "all in one frame: take out the poses of the other frame");
       path.push_back({stamp_ns, from_utm(T)});
     }
   } else {

@@ -124,8 +124,9 @@ OxtsPath read_oxts(const fs::path& folder) {
   for (const fs::path& file : list_files(folder / "data", ".txt")) {
     const std::optional<std::size_t> number = number_of(file);
     if (!number || *number >= stamps.size()) {
-      throw InputError(file.string(), fmt::format("no stamp for it among {} lines", stamps.size()),
-                       "its number as a line (from 0) of " + stamps_file.string());
+      throw InputError(
+          file.string(), fmt::format("no stamp for it among {} lines", stamps.size()),
+          "its number as a line (from 0) of " + stamps_file.string() + ": copy the whole file");
     }
     if (!path.T_map_imu.empty() && stamps[*number] <= path.T_map_imu.back().stamp_ns) {
       ++unordered;
@@ -139,7 +140,7 @@ OxtsPath read_oxts(const fs::path& folder) {
     path.T_map_imu.push_back({stamps[*number], T_map_imu_of(packet, *local)});
   }
   if (path.T_map_imu.empty()) {
-    throw InputError((folder / "data").string(), "no oxts packets", "*.txt files");
+    throw InputError((folder / "data").string(), "no oxts packets", "*.txt files: copy them there");
   }
   if (unordered > 0) {
     path.notes.push_back(fmt::format(

@@ -66,10 +66,10 @@ bool ScansInGaps::add(PoseGaps::Place place) {
 
 void ScansInGaps::note(Drive::Contents& contents, const std::string& source) const {
   if (left_out > 0)
-    contents.notes.push_back(fmt::format(
-        "{} scans left out, which lie in gaps of over 1 s between poses of {} while the "
-        "sensor moved",
-        left_out, source));
+    contents.notes.push_back(
+        fmt::format("{} scans left out, which lie in gaps of over 1 s between poses of {} while "
+                    "the sensor moved; to keep them, give poses without gaps",
+                    left_out, source));
   if (bridged > 0)
     contents.notes.push_back(
         fmt::format("{} scans lie in gaps of over 1 s between poses of {}, and are placed on a "

@@ -132,8 +132,9 @@ void set_own_poses(Drive::Contents& contents, const RawlogScans& scans, RawlogPo
     kept.push_back(i);
   }
   if (kept.empty())
-    throw InputError(scans.name, fmt::format("no pose of {} within 0.2 s of any scan", what),
-                     "poses at the scans' stamps, or poses=none");
+    throw InputError(
+        scans.name, fmt::format("no pose of {} within 0.2 s of any scan", what),
+        "poses at the scans' stamps: choose other poses with poses=SOURCE, or poses=none");
   const std::size_t without = contents.stamps_ns.size() - kept.size() - in_gaps.left_out;
   if (without > 0)
     contents.notes.push_back(
@@ -159,7 +160,8 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const RawlogScan
 fs::path file_in(const fs::path& folder) {
   const std::vector<fs::path> files = list_files(folder, ".rawlog");
   if (files.size() != 1)
-    throw InputError(folder.string(), fmt::format("{} rawlogs", files.size()), "one");
+    throw InputError(folder.string(), fmt::format("{} rawlogs", files.size()),
+                     "one: give the file itself");
   return files.front();
 }
 

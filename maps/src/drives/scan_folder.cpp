@@ -28,7 +28,7 @@ std::vector<fs::path> list_scans(const fs::path& folder) {
     if (files.empty()) continue;
     if (!scans.empty()) {
       throw InputError(folder.string(), fmt::format("*{} and *{}", kind, extension),
-                       "scans of one kind");
+                       "scans of one kind: move the others away");
     }
     scans = std::move(files);
     kind = extension;
@@ -63,7 +63,7 @@ std::optional<fs::path> folder_poses(const fs::path& root) {
     throw InputError(
         root.string(),
         candidates.front().filename().string() + " and " + candidates.back().filename().string(),
-        "one file of poses, or the right one given");
+        "one file of poses: name it with --poses FILE, or move the others away");
   }
   if (candidates.empty()) return std::nullopt;
   return candidates.front();
@@ -99,11 +99,11 @@ bool set_stamps_from_names(Drive::Contents& contents) {
 void set_stamps_and_poses(Drive::Contents& contents, const fs::path& tum_file) {
   const Trajectory trajectory = read_tum_trajectory(tum_file);
   if (trajectory.size() != contents.scan_files.size()) {
-    throw InputError(
-        tum_file.string(), fmt::format("{} poses", trajectory.size()),
-        fmt::format("{}, one for each scan, since the scans' names are no stamps (19 digits of ns, "
-                    "16 of us, or 10 with decimals of s)",
-                    contents.scan_files.size()));
+    throw InputError(tum_file.string(), fmt::format("{} poses", trajectory.size()),
+                     fmt::format("{}, one for each scan, since the scans' names are no stamps (19 "
+                                 "digits of ns, 16 of us, or 10 with decimals of s): give a pose "
+                                 "for each scan, or name the scans by their stamps",
+                                 contents.scan_files.size()));
   }
   set_position_step(contents, trajectory);
   for (const StampedPose& pose : trajectory.poses()) {
@@ -122,8 +122,9 @@ Drive::Contents open_scan_folder(const fs::path& root, const PosesChoice& choice
   if (folders.size() != 1) {
     std::string found;
     for (const fs::path& folder : folders) found += ' ' + folder.filename().string() + '/';
-    throw InputError(root.string(), folders.empty() ? "no scans" : "scans in" + found,
-                     "scans in the folder itself or in one folder of it");
+    throw InputError(
+        root.string(), folders.empty() ? "no scans" : "scans in" + found,
+        "scans in the folder itself or in one folder of it: give the folder that holds them");
   }
   Drive::Contents contents;
   contents.layout = DriveLayout::kScanFolder;

@@ -115,7 +115,9 @@ void write_text(const fs::path& path, std::string_view text) {
 
 void export_autoware(ExportJob& job) {
   // Those of `LocalCartesianUTM` count from the same origin.
-  require_fine_floats(job.map, "coordinates near zero, as Autoware's own maps have them");
+  require_fine_floats(job.map,
+                      "coordinates near zero, as Autoware's own maps have them: build the map from "
+                      "poses near zero");
   count_chosen(job);
   const AutowareCoordinates coordinates(job);
   const auto squares = tiles_of_squares(job, coordinates);

@@ -48,7 +48,8 @@ std::uint64_t count_chosen(ExportJob& job) {
     chosen += kinds[kind];
   }
   if (chosen == 0)
-    throw InputError(job.map.folder().string(), "no point that is not left out", "one or more");
+    throw InputError(job.map.folder().string(), "no point that is not left out",
+                     "one or more: leave out fewer kinds (--without)");
   job.result.points = chosen;
   job.result.counts["ground"] = kinds[static_cast<std::size_t>(PointKind::kGround)];
   job.result.counts["projected"] = kinds[static_cast<std::size_t>(PointKind::kProjected)];

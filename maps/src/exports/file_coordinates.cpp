@@ -28,7 +28,7 @@ FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame)
     throw InputError(map.folder().string(),
                      place ? fmt::format("a map at latitude {}", place->latitude_deg)
                            : "a map without a geodetic origin",
-                     "one between 80 deg south and 84 deg north, for UTM");
+                     "one between 80 deg south and 84 deg north for UTM: give --coordinates map");
   utm_.emplace(*place, *zone);
 }
 
@@ -51,8 +51,9 @@ void require_fine_floats(const MapPackage& map, const char* remedy) {
   const float at = static_cast<float>(largest_m);
   throw InputError(
       map.folder().string(),
-      fmt::format("coordinates up to {:.0f} m, where 32-bit floats are {:.2g} m coarse", largest_m,
-                  std::nextafter(at, 2.0F * at) - at),
+      fmt::format(
+          "coordinates up to {:.0f} m, where the format's 32-bit floats have steps of {:.2g} m",
+          largest_m, std::nextafter(at, 2.0F * at) - at),
       remedy);
 }
 

@@ -117,7 +117,7 @@ Whole to_whole(const Eigen::Vector3d& p, const LasSummary& summary, const Export
   const Eigen::Vector3d whole = ((p - summary.offset) / kScaleM).array().round();
   if (!(whole.cwiseAbs().maxCoeff() < 2147483647.0))
     throw InputError(job.map.folder().string(), fmt::format("a point at {}", exact_text(p)),
-                     "all within 2147 km, as LAS holds them");
+                     "all within 2147 km, as LAS holds them: give --coordinates local");
   return whole.cast<std::int32_t>();
 }
 

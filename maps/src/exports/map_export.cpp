@@ -91,7 +91,7 @@ ExportFrame frame_of(const MapExportFormat& format, const MapExportOptions& opti
   }
   if (*options.frame == kUtm && !has_place)
     throw InputError(map.folder().string(), "a map without a geodetic origin",
-                     "one for UTM (build or import with --geo-origin)");
+                     "one for UTM: build or import with --geo-origin");
   return *options.frame;
 }
 
@@ -130,12 +130,14 @@ std::string_view name_of(ExportFrame frame) {
 std::vector<std::string> MapExportOptions::violations() const {
   std::vector<std::string> broken;
   if (resolution_m && !(*resolution_m >= 0.02 && *resolution_m <= 5.0))
-    broken.push_back(fmt::format("resolution_m: {}, expected in [0.02, 5]", *resolution_m));
+    broken.push_back(
+        fmt::format("resolution_m (--resolution): {}, expected in [0.02, 5]", *resolution_m));
   if (height_band_m) {
     const auto [low, high] = *height_band_m;
     if (!(low >= -5.0 && low < high && high <= 50.0))
       broken.push_back(fmt::format(
-          "height_band_m: {} to {}, expected in [-5, 50], the second larger", low, high));
+          "height_band_m (--height-band): {} to {}, expected in [-5, 50], the second larger", low,
+          high));
   }
   return broken;
 }

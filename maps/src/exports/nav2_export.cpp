@@ -46,7 +46,8 @@ GroundHeights ground_of(const ExportJob& job, const Eigen::AlignedBox2d& bounds)
     job.tell({0.2, 0.3}, i + 1, tiles.size());
   }
   if (!ground.finish())
-    throw InputError(job.map.folder().string(), "no ground", "a map whose ground was found");
+    throw InputError(job.map.folder().string(), "no ground",
+                     "a map whose ground was found: `stillmap build` makes one");
   return ground;
 }
 
@@ -119,10 +120,12 @@ void export_nav2(ExportJob& job) {
   if (!(cells <= kMostGridCells))
     throw InputError(job.map.folder().string(),
                      fmt::format("{:.3g} cells of {} m", cells, resolution_m),
-                     fmt::format("at most {:.3g}: a coarser --resolution", kMostGridCells));
+                     fmt::format("at most {:.3g}: give a coarser --resolution", kMostGridCells));
   if (const double area_m2 = bounds.volume(); !(area_m2 <= kMostSquareMetres))
-    throw InputError(job.map.folder().string(), fmt::format("{:.3g} square metres", area_m2),
-                     fmt::format("at most {:.3g}", kMostSquareMetres));
+    throw InputError(
+        job.map.folder().string(), fmt::format("{:.3g} square metres", area_m2),
+        fmt::format("at most {:.3g}: build and export a map of a part of the drive (--select)",
+                    kMostSquareMetres));
   const GroundHeights ground = ground_of(job, bounds);
   OccupancyGrid grid(bounds.min(), bounds.max(), resolution_m,
                      job.options.height_band_m.value_or(kHeightBandM), ground);

@@ -90,7 +90,8 @@ void export_simplemap(ExportJob& job) {
   const std::vector<Trajectory> trajectories = job.map.trajectories();
   if (std::all_of(trajectories.begin(), trajectories.end(),
                   [](const Trajectory& each) { return each.poses().empty(); }))
-    throw InputError(name, "no trajectory", "a map that was built from a drive");
+    throw InputError(name, "no trajectory",
+                     "a map that was built from a drive: choose another format");
   count_chosen(job);
   const FileCoordinates coordinates(job.map, job.frame);
   const auto keyframes = keyframes_of(job, trajectories);

@@ -69,7 +69,8 @@ void export_tiles3d(ExportJob& job) {
   }
   for (const TileEntry& tile : tiles) job.result.points += tile.id.level == 0 ? tile.points : 0;
   if (job.result.points == 0)
-    throw InputError(map.folder().string(), "no point that is not left out", "one or more");
+    throw InputError(map.folder().string(), "no point that is not left out",
+                     "one or more: leave out fewer kinds (--without)");
   const Tileset tileset(map, std::move(tiles));
   files.write("tileset.json", tileset.text(T_world_origin(map.manifest())));
   for (const TileId cut : tileset.cuts()) files.write(cut, "json", tileset.cut_text(cut));

@@ -15,10 +15,12 @@ Trajectory chosen_trajectory(ExportJob& job) {
   const std::vector<Trajectory> trajectories = job.map.trajectories();
   const std::string name = job.map.folder().string();
   if (trajectories.empty())
-    throw InputError(name, "no trajectory", "a map that was built from a drive");
+    throw InputError(name, "no trajectory",
+                     "a map that was built from a drive: choose another format");
   if (!job.options.drive && trajectories.size() > 1)
-    throw InputError(name, fmt::format("{} trajectories", trajectories.size()),
-                     fmt::format("--drive with one of 0 to {}", trajectories.size() - 1));
+    throw InputError(
+        name, fmt::format("{} trajectories", trajectories.size()),
+        fmt::format("one: choose it with --drive, from 0 to {}", trajectories.size() - 1));
   const std::size_t drive = job.options.drive.value_or(0);
   if (drive >= trajectories.size())
     throw InputError(name, fmt::format("drive {}", drive),

@@ -19,9 +19,10 @@ namespace {
 void require_times(const PointCloud& cloud, const std::string& name) {
   for (std::size_t i = 0; i < cloud.time_offsets_s.size(); ++i) {
     if (std::abs(cloud.time_offsets_s[i]) <= kMaxTimeOffsetS) continue;
-    throw InputError(name,
-                     fmt::format("point {} at {} s", cloud.file_index(i), cloud.time_offsets_s[i]),
-                     fmt::format("within {} s of the scan's stamp", kMaxTimeOffsetS));
+    throw InputError(
+        name, fmt::format("point {} at {} s", cloud.file_index(i), cloud.time_offsets_s[i]),
+        fmt::format("within {} s of the scan's stamp: write times that count from this stamp",
+                    kMaxTimeOffsetS));
   }
 }
 
@@ -32,9 +33,11 @@ DecodedScan decode_bin(std::span<const std::byte> bytes, ScanFormat format, cons
   const std::size_t stride = raw_point_bytes(format);
   const std::size_t floats = stride / sizeof(float);
   if (bytes.size() % stride != 0) {
-    throw InputError(name, std::to_string(bytes.size()) + " bytes",
-                     fmt::format("a multiple of {} (float32 x y z{}{})", stride,
-                                 floats > 3 ? " intensity" : "", floats > 4 ? " time" : ""));
+    throw InputError(
+        name, std::to_string(bytes.size()) + " bytes",
+        fmt::format("a multiple of {} (float32 x y z{}{}): copy the file again, or check which "
+                    "numbers it holds",
+                    stride, floats > 3 ? " intensity" : "", floats > 4 ? " time" : ""));
   }
   DecodedScan scan;
   scan.points_in_file = bytes.size() / stride;

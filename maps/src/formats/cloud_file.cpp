@@ -32,7 +32,8 @@ CloudSummary read_cloud_file(const std::filesystem::path& file,
                      "LAS, uncompressed: `pdal translate IN.laz OUT.las`, or `laszip -i IN.laz -o "
                      "OUT.las`");
   if (extension != ".pcd" && extension != ".ply" && extension != ".las")
-    throw InputError(file.string(), "extension '" + extension + "'", ".pcd, .ply or .las");
+    throw InputError(file.string(), "extension '" + extension + "'",
+                     ".pcd, .ply or .las: convert the file");
   const MappedFile mapped(file, MappedFile::Reading::kInOrder);
   std::uint64_t points = 0;
   const auto take_and_release = [&](std::span<const CloudPoint> some) {

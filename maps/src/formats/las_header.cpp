@@ -84,9 +84,9 @@ class Records {
  private:
   void require(std::uint64_t place, std::uint64_t size, std::size_t end) const {
     if (place > end || size > end - place)
-      throw InputError(name_,
-                       "a record of " + std::to_string(size) + " bytes at " + std::to_string(place),
-                       "one that ends within " + std::to_string(end) + " bytes");
+      throw InputError(
+          name_, "a record of " + std::to_string(size) + " bytes at " + std::to_string(place),
+          "one that ends within " + std::to_string(end) + " bytes: copy the file again");
   }
 
   void take(std::string_view user, int id, std::span<const std::byte> content) {
@@ -109,13 +109,13 @@ void read_version(const Bytes& at, std::size_t size, const std::string& name, La
   if (major != 1 || header.minor_version < 2 || header.minor_version > 4)
     throw InputError(name,
                      "LAS " + std::to_string(major) + "." + std::to_string(header.minor_version),
-                     "1.2, 1.3 or 1.4");
+                     "1.2, 1.3 or 1.4: export it again in one of these versions");
   const std::size_t needed = kHeaderBytes.at(static_cast<std::size_t>(header.minor_version));
   const std::size_t stated = at.at<std::uint16_t>(94);
   if (stated < needed || size < stated)
     throw InputError(name,
                      std::to_string(size) + " bytes with a header of " + std::to_string(stated),
-                     "a header of at least " + std::to_string(needed));
+                     "a header of at least " + std::to_string(needed) + ": copy the file again");
 }
 
 void read_point_layout(const Bytes& at, const std::string& name, LasHeader& header) {
@@ -123,7 +123,8 @@ void read_point_layout(const Bytes& at, const std::string& name, LasHeader& head
   if ((format & kCompressed) != 0) refuse_compressed(name, "LAZ, compressed points");
   header.point_format = static_cast<int>(format);
   if (format >= kPointBytes.size())
-    throw InputError(name, "point format " + std::to_string(format), "0 to 10");
+    throw InputError(name, "point format " + std::to_string(format),
+                     "0 to 10: export the file as LAS 1.4");
   header.point_bytes = at.at<std::uint16_t>(105);
   if (header.point_bytes < kPointBytes[format])
     throw InputError(name, "points of " + std::to_string(header.point_bytes) + " bytes",
@@ -146,11 +147,11 @@ void find_points(const Bytes& at, std::size_t size, const std::string& name, Las
     throw InputError(
         name,
         "a count of 0 points and " + std::to_string(end - header.first_point) + " bytes of them",
-        "a file whose writer was not killed; `lasinfo -repair` counts them");
+        "the count: its writer was killed; `lasinfo -repair` counts the points");
   if (header.points > (size - header.first_point) / header.point_bytes)
     throw InputError(name, std::to_string(size - header.first_point) + " bytes of points",
                      std::to_string(header.points) + " points of " +
-                         std::to_string(header.point_bytes) + " bytes");
+                         std::to_string(header.point_bytes) + " bytes: copy the file again");
 }
 
 void read_scale(const Bytes& at, const std::string& name, LasHeader& header) {
@@ -172,7 +173,7 @@ LasHeader read_las_start(std::span<const std::byte> bytes, const std::string& na
   const Bytes at(bytes);
   if (bytes.size() < kHeaderBytes[2] || at.text(0, 4) != "LASF")
     throw InputError(name, std::to_string(bytes.size()) + " bytes without a LAS header",
-                     "a LAS file, which begins with LASF");
+                     "a LAS file, which begins with LASF: export the points as LAS 1.2 to 1.4");
   LasHeader header;
   read_version(at, bytes.size(), name, header);
   read_point_layout(at, name, header);

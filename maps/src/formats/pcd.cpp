@@ -23,9 +23,10 @@ namespace {
 void check_body(std::size_t found, std::size_t needed, const PcdHeader& header,
                 const std::string& name) {
   if (found < needed) {
-    throw InputError(
-        name, std::to_string(found) + " bytes of points",
-        "at least " + std::to_string(needed) + " for " + std::to_string(header.points) + " points");
+    throw InputError(name, std::to_string(found) + " bytes of points",
+                     "at least " + std::to_string(needed) + " for the " +
+                         std::to_string(header.points) +
+                         " points of its header: copy or write the file again");
   }
 }
 
@@ -43,8 +44,9 @@ auto read_ascii(std::string_view body, const PcdHeader& header, const std::vecto
   for (std::size_t point = 0; point < header.points;) {
     const std::optional<std::string_view> line = take_line(body);
     if (!line) {
-      throw InputError(name, std::to_string(point) + " lines of points",
-                       std::to_string(header.points));
+      throw InputError(
+          name, std::to_string(point) + " lines of points",
+          std::to_string(header.points) + ", as its header says: copy or write the file again");
     }
     ++line_number;
     const std::vector<std::string_view> texts = split_fields(*line, numbers + 1);
@@ -53,7 +55,7 @@ auto read_ascii(std::string_view body, const PcdHeader& header, const std::vecto
       throw InputError(
           place(name, line_number),
           texts.size() > numbers ? "more numbers" : std::to_string(texts.size()) + " numbers",
-          std::to_string(numbers));
+          std::to_string(numbers) + ", as FIELDS and COUNT say");
     }
     std::size_t next = 0;
     for (std::size_t f = 0; f < roles.size(); next += header.fields[f].count, ++f) {
@@ -158,12 +160,13 @@ auto read_compressed(std::span<const std::byte> body, const PcdHeader& header,
   if (with_padding && unpacked != header.points * header.stride(true)) {
     throw InputError(name, std::to_string(unpacked) + " unpacked bytes",
                      std::to_string(header.points * header.stride(true)) + " for " +
-                         std::to_string(header.points) + " points");
+                         std::to_string(header.points) + " points: write the file again");
   }
   // Before anything is allocated for points that these bytes cannot hold.
   if (unpacked > max_lzf_output(packed)) {
-    throw InputError(name, std::to_string(packed) + " packed bytes",
-                     "enough for " + std::to_string(unpacked) + " unpacked ones");
+    throw InputError(
+        name, std::to_string(packed) + " packed bytes",
+        "enough for " + std::to_string(unpacked) + " unpacked ones: copy or write the file again");
   }
   auto table = make();
   fill(table, LzfReader(body.first(packed), unpacked, name), header, roles,

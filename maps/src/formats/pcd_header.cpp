@@ -49,7 +49,8 @@ PcdEncoding parse_encoding(const Fields& line, const std::string& name) {
   if (text == "ascii") return PcdEncoding::kAscii;
   if (text == "binary") return PcdEncoding::kBinary;
   if (text == "binary_compressed") return PcdEncoding::kBinaryCompressed;
-  throw InputError(name, "DATA " + quoted(text), "ascii, binary or binary_compressed");
+  throw InputError(name, "DATA " + quoted(text),
+                   "ascii, binary or binary_compressed: write the file as PCD 0.7");
 }
 
 /// tx ty tz qw qx qy qz, as PCL writes them.
@@ -81,7 +82,8 @@ bool take_header_line(const Fields& line, const std::string& name, HeaderLines& 
     for (const std::string_view known : kVersions) {
       if (version == known) return true;
     }
-    throw InputError(name, "VERSION " + quoted(version), "0.5, 0.6 or 0.7");
+    throw InputError(name, "VERSION " + quoted(version),
+                     "0.5, 0.6 or 0.7: write the file as PCD 0.7");
   }
   if (key == "FIELDS" || key == "COLUMNS") {
     header.names = values;
@@ -135,7 +137,7 @@ std::vector<PointField> assemble_fields(const HeaderLines& lines, const std::str
 
 std::size_t point_count(const HeaderLines& lines, const std::string& name, std::size_t max_points) {
   if (!lines.width && !lines.points)
-    throw InputError(name, "no WIDTH and no POINTS", "one of them");
+    throw InputError(name, "no WIDTH and no POINTS", "one of them: write the file as PCD 0.7");
   const std::uint64_t grid =
       lines.width ? *lines.width * lines.height.value_or(1) : lines.points.value_or(0);
   if (lines.points && *lines.points != grid) {
@@ -167,10 +169,12 @@ PcdHeader parse_pcd_header(std::string_view text, const std::string& name, std::
       return header;
     }
     if (!take_header_line(fields, name, lines)) {
-      throw InputError(name, "header line " + quoted(*line), "a PCD header (VERSION, FIELDS, ...)");
+      throw InputError(name, "header line " + quoted(*line),
+                       "a line of a PCD header (VERSION, FIELDS, ...): write the file as PCD 0.7");
     }
   }
-  throw InputError(name, "a header without its DATA line", "a whole PCD header");
+  throw InputError(name, "a header without its DATA line",
+                   "a whole PCD header: copy or write the file again");
 }
 
 }  // namespace stillmap::maps

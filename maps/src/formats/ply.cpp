@@ -69,8 +69,9 @@ PlyEncoding parse_ply_encoding(const Fields& line, const std::string& name) {
     if (line[1] == "binary_little_endian") return PlyEncoding::kLittleEndian;
     if (line[1] == "binary_big_endian") return PlyEncoding::kBigEndian;
   }
-  throw InputError(name, "format " + quoted(line.size() > 1 ? line[1] : std::string_view()),
-                   "ascii, binary_little_endian or binary_big_endian 1.0");
+  throw InputError(
+      name, "format " + quoted(line.size() > 1 ? line[1] : std::string_view()),
+      "ascii, binary_little_endian or binary_big_endian 1.0: write the file in one of these");
 }
 
 Element parse_element(const Fields& line, const std::string& name) {
@@ -100,7 +101,8 @@ PlyHeader parse_ply_header(std::string_view text, const std::string& name) {
   std::string_view rest = text;
   const Fields magic = split_fields(take_line(rest).value_or(""), 2);
   if (magic.size() != 1 || magic[0] != "ply") {
-    throw InputError(name, "a first line that is not 'ply'", "a PLY file");
+    throw InputError(name, "a first line that is not 'ply'",
+                     "a PLY file: export the points as PLY 1.0");
   }
   PlyHeader header;
   bool with_encoding = false;
@@ -122,7 +124,8 @@ PlyHeader parse_ply_header(std::string_view text, const std::string& name) {
       throw InputError(name, "header line " + quoted(*line), "a PLY header line in its place");
     }
   }
-  throw InputError(name, "a header without its end_header line", "a whole PLY header");
+  throw InputError(name, "a header without its end_header line",
+                   "a whole PLY header: copy or write the file again");
 }
 
 /// Numbers of the body one after the other, in either encoding.
@@ -154,7 +157,8 @@ class NumberStream {
 
  private:
   [[noreturn]] void broken_off() const {
-    throw InputError(name_, "elements that break off", "as many as the header says");
+    throw InputError(name_, "elements that break off",
+                     "as many as the header says: copy or write the file again");
   }
   std::span<const std::byte> cut(std::size_t count) {
     if (count > body_.size()) broken_off();
@@ -208,7 +212,7 @@ void check_count(const Element& element, const NumberStream& stream, const std::
   if (bytes > 0 && element.count > (stream.bytes_left() + 1) / bytes) {
     throw InputError(name, std::to_string(stream.bytes_left()) + " bytes",
                      "room for " + std::to_string(element.count) + " of element '" +
-                         element.name.substr(0, 64) + "'");
+                         element.name.substr(0, 64) + "': copy or write the file again");
   }
 }
 
@@ -268,7 +272,7 @@ Vertices find_vertices(std::span<const std::byte> bytes, const PlyHeader& header
     if (element.name == "vertex") return {&element, stream};
     skip_element(element, stream, name);
   }
-  throw InputError(name, "no element 'vertex'", "one");
+  throw InputError(name, "no element 'vertex'", "one: write the points as vertices");
 }
 
 }  // namespace
@@ -304,7 +308,8 @@ void check_ply_header(std::span<const std::byte> head, const std::string& name) 
   const PlyHeader header = parse_ply_header(header_part(head), name);
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const Element& each) { return each.name == "vertex"; });
-  if (vertex == header.elements.end()) throw InputError(name, "no element 'vertex'", "one");
+  if (vertex == header.elements.end())
+    throw InputError(name, "no element 'vertex'", "one: write the points as vertices");
   (void)roles_of(fields_of(*vertex), name);
 }
 

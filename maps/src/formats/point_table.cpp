@@ -93,8 +93,9 @@ std::vector<Role> roles_of(std::span<const PointField> fields, const std::string
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::vector<std::size_t> found = fields_named(fields, kAxes[axis]);
     if (found.size() != 1 || fields[found[0]].count != 1) {
-      throw InputError(name, names_of(fields),
-                       "one field '" + std::string(kAxes[axis]) + "' with one number a point");
+      throw InputError(
+          name, names_of(fields),
+          "one field '" + std::string(kAxes[axis]) + "' with one number a point: write x, y and z");
     }
     roles[found[0]] = kAxisRoles[axis];
   }
@@ -185,7 +186,7 @@ DropCounts drop_invalid(PointCloud& cloud) {
 void check_point_count(std::uint64_t points, std::size_t max_points, const std::string& name) {
   if (points > max_points) {
     throw InputError(name, std::to_string(points) + " points",
-                     "at most " + std::to_string(max_points));
+                     "at most " + std::to_string(max_points) + ": thin the points");
   }
 }
 

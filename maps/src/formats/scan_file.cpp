@@ -21,7 +21,8 @@ ScanFormat format_of(const std::filesystem::path& file) {
   if (extension == ".bin") return ScanFormat::kBinXyzi;
   if (extension == ".pcd") return ScanFormat::kPcd;
   if (extension == ".ply") return ScanFormat::kPly;
-  throw InputError(file.string(), "extension '" + extension + "'", ".bin, .pcd or .ply");
+  throw InputError(file.string(), "extension '" + extension + "'",
+                   ".bin, .pcd or .ply: convert the scan");
 }
 
 }  // namespace

@@ -171,7 +171,8 @@ void parse_finite(const std::filesystem::path& file, const NumberLine& line,
   for (std::size_t i = 0; i < values.size(); ++i) {
     const std::optional<double> value = parse_number(line.fields[i]);
     if (!value || !std::isfinite(*value)) {
-      throw InputError(place(file, line.line), quoted(line.fields[i]), "a finite number");
+      throw InputError(place(file, line.line), quoted(line.fields[i]),
+                       "a finite number: correct the line");
     }
     values[i] = *value;
   }

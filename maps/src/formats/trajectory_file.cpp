@@ -23,7 +23,8 @@ void check_position(const std::filesystem::path& file, const NumberLine& line,
   if (t.cwiseAbs().maxCoeff() <= kMaxPositionM) return;
   throw InputError(place(file, line.line),
                    fmt::format("a position of {:.3g} m", t.cwiseAbs().maxCoeff()),
-                   fmt::format("at most {:g} m on each axis", kMaxPositionM));
+                   fmt::format("at most {:g} m on each axis: write positions from an origin nearby",
+                               kMaxPositionM));
 }
 
 StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& line) {
@@ -32,12 +33,12 @@ StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& 
   const std::optional<std::int64_t> stamp_ns = parse_stamp_ns(line.fields[0]);
   if (!stamp_ns) {
     throw InputError(place(file, line.line), "stamp '" + std::string(line.fields[0]) + "'",
-                     "seconds that fit 64 bits of nanoseconds");
+                     "seconds that fit 64 bits of nanoseconds: write stamps in seconds");
   }
   const Eigen::Quaterniond q(n[7], n[4], n[5], n[6]);
   if (!(std::abs(q.norm() - 1.0) <= kMaxOffRotation)) {
     throw InputError(place(file, line.line), fmt::format("a quaternion of norm {:.6g}", q.norm()),
-                     "norm 1 (stamp tx ty tz qx qy qz qw)");
+                     "norm 1: write the lines as stamp tx ty tz qx qy qz qw");
   }
   StampedPose pose;
   pose.stamp_ns = *stamp_ns;
@@ -68,7 +69,7 @@ Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const Numb
   const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(off <= kMaxOffRotation) || R.determinant() < 0.0) {
     throw InputError(place(file, line.line), fmt::format("a 3x3 part {:.3g} off a rotation", off),
-                     "3x4 row-major [R t] with a rotation R");
+                     "a rotation R: write the lines as the 3x4 matrix [R t], row by row");
   }
   return renormalized(T);
 }
@@ -80,7 +81,8 @@ std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& fil
   for (const NumberLine& line : number_lines(text)) {
     // The line is all that ties a pose to its scan, so a hole would shift all that follow.
     if (line.line != last_line + 1) {
-      throw InputError(place(file, last_line + 1), "a blank line or comment", "12 numbers");
+      throw InputError(place(file, last_line + 1), "a blank line or comment",
+                       "12 numbers: remove it");
     }
     last_line = line.line;
     poses.push_back(parse_kitti_pose(file, line));
@@ -94,8 +96,9 @@ Trajectory read_tum_trajectory(const std::filesystem::path& file) {
   for (const NumberLine& line : number_lines(text)) {
     poses.push_back(parse_tum_pose(file, line));
     if (poses.size() > 1 && poses.back().stamp_ns <= poses[poses.size() - 2].stamp_ns) {
-      throw InputError(place(file, line.line), "stamp " + std::string(line.fields[0]),
-                       "one after that of the line before");
+      throw InputError(
+          place(file, line.line), "stamp " + std::string(line.fields[0]),
+          "one after that of the line before: sort the lines, and keep one of each stamp");
     }
   }
   return Trajectory(std::move(poses));

@@ -22,17 +22,19 @@ void check_file(const fs::path& file, const MapManifest::File& expected) {
   std::error_code error;
   const fs::file_status status = fs::status(file, error);
   if (status.type() == fs::file_type::not_found) {
-    throw InputError(file.string(), "nothing", "a file of the package");
+    throw InputError(file.string(), "nothing",
+                     "a file of the package: copy or build the map again");
   }
   if (error) throw StorageError(file.string(), error.message());
   if (status.type() != fs::file_type::regular) {
-    throw InputError(file.string(), "no regular file", "one");
+    throw InputError(file.string(), "no regular file", "one: copy or build the map again");
   }
   const std::uintmax_t bytes = fs::file_size(file, error);
   if (error) throw StorageError(file.string(), error.message());
   if (bytes != expected.bytes) {
-    throw InputError(file.string(), std::to_string(bytes) + " bytes",
-                     std::to_string(expected.bytes) + " as in manifest.json");
+    throw InputError(
+        file.string(), std::to_string(bytes) + " bytes",
+        std::to_string(expected.bytes) + " as in manifest.json: copy or build the map again");
   }
 }
 
@@ -74,7 +76,8 @@ std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   const fs::path manifest_file = folder / kManifestName;
   std::error_code unreadable;
   if (fs::status(manifest_file, unreadable).type() == fs::file_type::not_found) {
-    throw InputError(folder.string(), "no manifest.json", "a map package");
+    throw InputError(folder.string(), "no manifest.json",
+                     "a map package, as `stillmap build` makes it");
   }
   const std::string text = read_text(manifest_file);
   std::shared_ptr<MapPackage> package(new MapPackage);

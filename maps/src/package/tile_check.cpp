@@ -20,7 +20,7 @@ void require_whole_tile(const MapPackage& map, TileId id) {
   const std::string& stated = map.manifest().files.at(path).sha256;
   if (found != stated)
     throw InputError((map.folder() / path).string(), "SHA-256 " + found,
-                     stated + " as in manifest.json");
+                     stated + " as in manifest.json: copy or build the map again");
 }
 
 void require_whole_tiles(const MapPackage& map, const DerivedWork& work) {

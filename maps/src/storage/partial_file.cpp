@@ -19,7 +19,8 @@ void PartialFile::publish() {
   const fs::path& target = folder_.target();
   sync(path_);
   if (fs::exists(fs::symlink_status(target)))
-    throw InputError(target.string(), "an existing path", "a new one");
+    throw InputError(target.string(), "an existing path",
+                     "a new one: give another name, or remove it");
   if (std::rename(path_.c_str(), target.c_str()) != 0)
     throw StorageError(target.string(), std::strerror(errno));
   sync(target.parent_path());

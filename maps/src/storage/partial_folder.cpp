@@ -41,7 +41,8 @@ int open_locked(const fs::path& path) {
       if (is_same(descriptor, path)) return descriptor;
     } else if (errno == EWOULDBLOCK) {
       ::close(descriptor);
-      throw InputError(path.string(), "a folder that another process is filling", "none");
+      throw InputError(path.string(), "a folder that another process is filling",
+                       "none: wait for that process, or give another name");
     } else {
       const int reason = errno;
       ::close(descriptor);
@@ -69,7 +70,8 @@ void refuse_existing(const fs::path& target) {
   const fs::file_type type = fs::symlink_status(target, error).type();
   if (type == fs::file_type::not_found) return;
   if (type == fs::file_type::none) throw StorageError(target.string(), error.message());
-  throw InputError(target.string(), "an existing path", "a new one");
+  throw InputError(target.string(), "an existing path",
+                   "a new one: give another name, or remove it");
 }
 
 }  // namespace

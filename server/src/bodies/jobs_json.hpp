@@ -1,6 +1,6 @@
 #pragma once
 
-#include "jobs/job_runner.hpp"
+#include "jobs/live_jobs.hpp"
 
 #include <cstdint>
 #include <optional>

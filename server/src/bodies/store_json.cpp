@@ -22,14 +22,14 @@ Json key_of(const ApiKey& key) {
 
 }  // namespace
 
-std::string problems_json(const std::vector<PackageStore::Problem>& problems) {
+std::string problems_json(const std::vector<StoreProblem>& problems) {
   Json list = Json::array();
   for (const auto& problem : problems)
     list.push_back({{"map", problem.map}, {"version", problem.version}, {"what", problem.what}});
   return to_text({{"problems", list}}, kIndent);
 }
 
-std::string cleared_json(const PackageStore::Cleared& cleared,
+std::string cleared_json(const ClearedPackages& cleared,
                          const std::vector<RemovedVersion>& removed) {
   Json versions = Json::array();
   for (const RemovedVersion& each : removed)
@@ -54,7 +54,7 @@ std::string made_anew_json(const std::vector<MadeAnew>& all) {
   return to_text({{"indexes", list}}, kIndent);
 }
 
-std::string backup_json(const PackageStore::BackedUp& done) {
+std::string backup_json(const BackedUp& done) {
   return to_text({{"packages", {{"copied", done.copied}, {"kept", done.kept}}}}, kIndent);
 }
 

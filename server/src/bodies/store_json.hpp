@@ -1,6 +1,8 @@
 #pragma once
 
 #include "store/package_store.hpp"
+#include "store/store_backup.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -34,16 +36,16 @@ struct MapWithVersions {
 };
 
 /// What `stillmap store` and `stillmap keys` print with --json (server/operation.md).
-[[nodiscard]] std::string problems_json(const std::vector<PackageStore::Problem>& problems);
+[[nodiscard]] std::string problems_json(const std::vector<StoreProblem>& problems);
 /// @param bytes  of the whole store.
 [[nodiscard]] std::string store_list_json(const std::vector<MapWithVersions>& maps,
                                           std::uint64_t bytes);
-[[nodiscard]] std::string cleared_json(const PackageStore::Cleared& cleared,
+[[nodiscard]] std::string cleared_json(const ClearedPackages& cleared,
                                        const std::vector<RemovedVersion>& removed);
 /// @param package_gone  as of `PackageStore::remove`.
 [[nodiscard]] std::string removed_json(const RemovedVersion& removed, bool package_gone);
 [[nodiscard]] std::string made_anew_json(const std::vector<MadeAnew>& all);
-[[nodiscard]] std::string backup_json(const PackageStore::BackedUp& done);
+[[nodiscard]] std::string backup_json(const BackedUp& done);
 [[nodiscard]] std::string restored_json(std::size_t packages);
 [[nodiscard]] std::string added_json(const std::string& map, const PackageStore::Added& added);
 /// With the secret, which is told once.

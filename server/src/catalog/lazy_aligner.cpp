@@ -16,10 +16,13 @@ namespace {
     throw ApiError(ErrorCode::kBusy, "too much else is being made").with_header("Retry-After", "5");
   if (answer.state == State::kFailed) {
     // Why, stands in the log: it may name places of this machine.
-    throw ApiError(ErrorCode::kMapUnusable, what + " cannot be made ready")
+    throw ApiError(ErrorCode::kMapUnusable, what + " cannot be prepared; the server's log says why")
         .with_header("Retry-After", std::to_string(DerivedWorker::kPause.count()));
   }
-  throw ApiError(ErrorCode::kMapLoading, what + " is being made ready")
+  throw ApiError(
+      ErrorCode::kMapLoading,
+      what +
+          " is being prepared, which takes some seconds; send the request again after Retry-After")
       .with_header("Retry-After", "1");
 }
 

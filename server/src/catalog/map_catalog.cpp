@@ -20,13 +20,13 @@ constexpr std::chrono::seconds kStorePeriod{1};
 /// Versions that are kept open besides the active ones.
 constexpr std::size_t kKeptOpen = 4;
 
-std::string described(const std::string& map, const std::string& version) {
+std::string version_text(const std::string& map, const std::string& version) {
   return "version '" + version + "' of map '" + map + "'";
 }
 
 ApiError unusable(const ServedVersion& version) {
   return {ErrorCode::kMapUnusable,
-          described(version.map, version.version) + " cannot be used: " + version.failure};
+          version_text(version.map, version.version) + " cannot be used: " + version.failure};
 }
 
 /// 0 also when the version is gone.
@@ -112,7 +112,8 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
   }
   changed_.notify_all();
   throw ApiError(ErrorCode::kMapLoading,
-                 described(served.map, served.version) + " is still being loaded")
+                 version_text(served.map, served.version) +
+                     " is still being loaded; send the request again after Retry-After")
       .with_header("Retry-After", "1");
 }
 
@@ -122,19 +123,19 @@ StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
   const StoredMap before = store_.state().map(map);
   const ServedVersion next = load(key);
   if (next.state != MapState::kReady) {
-    throw ApiError(
-        ErrorCode::kVersionUnusable,
-        described(key.first, key.second) + " cannot be loaded: " + next.failure +
-            "; what was active stays so. Publish a version that loads, or mend this one");
+    throw ApiError(ErrorCode::kVersionUnusable,
+                   version_text(key.first, key.second) + " cannot be loaded: " + next.failure +
+                       "; the active version stays. Add a version that loads, or repair this one: "
+                       "add the same package again");
   }
   if (before.active && *before.active != key.second && !new_frame) {
     const ServedVersion present = open({key.first, *before.active}).served;
     if (present.package && !in_one_frame(present, next)) {
-      throw ApiError(ErrorCode::kOtherFrame,
-                     described(key.first, key.second) + " is not known to be in the frame of " +
-                         described(present.map, present.version) +
-                         ", so positions may mean other places: build it with --register-to, or "
-                         "say new_frame=true");
+      throw ApiError(ErrorCode::kOtherFrame, version_text(key.first, key.second) +
+                                                 " is not known to be in the frame of " +
+                                                 version_text(present.map, present.version) +
+                                                 ", so positions may mean other places: build it "
+                                                 "with --register-to, or send new_frame=true");
     }
   }
   // What was compared is what must be active still.
@@ -178,7 +179,7 @@ void MapCatalog::work(const std::stop_token& stop) {
       if (next && load(*next).state == MapState::kReady) serve(*next);
     } catch (const std::exception& error) {
       // A removed version, or a store that cannot be read just now: what is served goes on.
-      spdlog::error("{} of the store: {}", described(next->first, next->second), error.what());
+      spdlog::error("{} of the store: {}", version_text(next->first, next->second), error.what());
       note_failure(*next, shown(error));
     }
     try {
@@ -259,7 +260,7 @@ MapCatalog::Slot MapCatalog::opened(const Key& key) const {
   } catch (const StoreRefusal&) {
     throw;
   } catch (const std::exception& error) {
-    spdlog::error("{} cannot be opened: {}", described(key.first, key.second), error.what());
+    spdlog::error("{} cannot be opened: {}", version_text(key.first, key.second), error.what());
     slot.served.state = MapState::kFailed;
     slot.served.failure = shown(error);
   }
@@ -317,11 +318,12 @@ void MapCatalog::make_ready(ServedVersion& version) const {
     version.state = MapState::kReady;
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     if (metrics_ != nullptr) metrics_->map_loaded(version.map, took.count());
-    spdlog::info("{} is ready", described(version.map, version.version));
+    spdlog::info("{} is ready", version_text(version.map, version.version));
   } catch (const std::exception& error) {
     version.state = MapState::kFailed;
     version.failure = shown(error);
-    spdlog::error("{} cannot be used: {}", described(version.map, version.version), error.what());
+    spdlog::error("{} cannot be used: {}", version_text(version.map, version.version),
+                  error.what());
   }
 }
 

@@ -34,7 +34,7 @@ void verify(const AuditArguments& arguments) {
   const server::AuditLog::Check check = store.audit().check();
   arguments.json.write(server::audit_check_json(check));
   if (!arguments.json.replaces_text()) fmt::print("{}\n", text_of(check));
-  if (check.first_wrong_id) throw command_line::ExitCode{command_line::kFailed};
+  if (check.first_wrong_id) throw command_line::ExitCode{exit_code::kFailed};
 }
 
 void export_lines(const AuditArguments& arguments) {

@@ -156,7 +156,7 @@ void localize_scan(const LocalizeArguments& arguments,
   arguments.json.write(server::pose_answer_json(answer));
   if (!arguments.json.replaces_text()) print_for_people(answer);
   if (answer.result.status == localization::PoseStatus::kLost) {
-    throw command_line::ExitCode{command_line::kFailed};
+    throw command_line::ExitCode{exit_code::kFailed};
   }
 }
 

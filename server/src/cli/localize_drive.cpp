@@ -76,12 +76,12 @@ class Tally {
       table.add(name, command_line::grouped(status_.at(name)));
     }
     for (const auto& [reason, count] : reasons_) {
-      table.add("  " + reason, command_line::grouped(count));
+      table.add("reason " + reason, command_line::grouped(count));
     }
-    table.add("longest without ok", fmt::format("{} scans", longest_without_ok_));
+    table.add("scans in a row without ok", fmt::format("{} at most", longest_without_ok_));
     if (movable_points_ > 0) table.add("points in boxes", command_line::grouped(movable_points_));
-    table.add("time a scan",
-              fmt::format("{:.1f} ms, 95 % below {:.1f} ms", percentile(0.5), percentile(0.95)));
+    table.add("time per scan", fmt::format("median {:.1f} ms, 95 % below {:.1f} ms",
+                                           percentile(0.5), percentile(0.95)));
     table.add("time", fmt::format("{:.1f} s", seconds));
     table.print();
   }
@@ -216,7 +216,7 @@ void localize_drive(const LocalizeArguments& arguments,
   if (arguments.output && !arguments.json.replaces_text()) {
     tally.print(seconds_since(begin));
   }
-  if (!tally.found_any()) throw command_line::ExitCode{command_line::kFailed};
+  if (!tally.found_any()) throw command_line::ExitCode{exit_code::kFailed};
 }
 
 }  // namespace stillmap::cli

@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
       cli::exec_offline(program, argv);
     } catch (const std::exception& error) {
       fmt::print(stderr, "stillmap: {}\n", error.what());
-      return stillmap::command_line::kFailed;
+      return stillmap::exit_code::kFailed;
     }
   }
   CLI::App app(

@@ -63,7 +63,7 @@ void require_none(const std::vector<server::ConfigProblem>& problems) {
   for (const server::ConfigProblem& each : problems) {
     fmt::print(stderr, "stillmap: {}\n", each.text());
   }
-  throw command_line::ExitCode{command_line::kUsage};
+  throw command_line::ExitCode{exit_code::kUsage};
 }
 
 /// @return whether its folder was made.
@@ -84,7 +84,7 @@ struct Reloaded {
 };
 
 /// All that can fail comes before anything changes; the log file is last, since it may be made.
-server::ReloadReport reload_parts(const server::ConfigSources& sources, const Reloaded& parts) {
+server::ReloadResult reload_parts(const server::ConfigSources& sources, const Reloaded& parts) {
   server::ConfigSources now = sources;
   now.environment = server::own_environment();
   return server::reload(
@@ -96,17 +96,17 @@ server::ReloadReport reload_parts(const server::ConfigSources& sources, const Re
        [&](const server::ServerOptions& next) { return parts.log.prepare(next.log); }});
 }
 
-void log_report(const server::ReloadReport& report) {
-  for (const server::ConfigProblem& each : report.problems) {
+void log_result(const server::ReloadResult& result) {
+  for (const server::ConfigProblem& each : result.problems) {
     spdlog::error("configuration not reloaded: {}", each.text());
   }
-  if (report.problems.empty()) {
+  if (result.problems.empty()) {
     spdlog::info(
         "configuration reloaded, changed: {}",
-        report.changed.empty() ? "nothing" : fmt::format("{}", fmt::join(report.changed, ", ")));
+        result.changed.empty() ? "nothing" : fmt::format("{}", fmt::join(result.changed, ", ")));
   }
-  if (!report.need_restart.empty()) {
-    spdlog::warn("these need a restart: {}", fmt::join(report.need_restart, ", "));
+  if (!result.need_restart.empty()) {
+    spdlog::warn("these need a restart: {}", fmt::join(result.need_restart, ", "));
   }
 }
 
@@ -124,10 +124,10 @@ void reload_all(const server::ConfigSources& sources, const Reloaded& parts) {
   parts.notifier.reloading();
   bool well = false;
   try {
-    const server::ReloadReport report = reload_parts(sources, parts);
-    well = report.problems.empty();
+    const server::ReloadResult result = reload_parts(sources, parts);
+    well = result.problems.empty();
     if (!well) reopen_log(parts);
-    log_report(report);
+    log_result(result);
   } catch (const std::exception& error) {
     reopen_log(parts);
     spdlog::error("configuration not reloaded, nothing has changed: {}", error.what());

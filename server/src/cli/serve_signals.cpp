@@ -55,7 +55,7 @@ bool SignalLoop::wait(std::chrono::seconds time) {
     if (signal == kEnded) return false;
     if (signal != SIGTERM && signal != SIGINT) continue;
     spdlog::warn("stopping at once after a second signal");
-    std::_Exit(command_line::kCancelled);
+    std::_Exit(exit_code::kCancelled);
   }
   return true;
 }
@@ -71,7 +71,7 @@ void SignalLoop::run() {
   const std::chrono::seconds most = actions_.drain();
   if (!wait(most)) return;
   spdlog::warn("stopping although work is still in hand, after {} s", most.count());
-  std::_Exit(command_line::kSucceeded);
+  std::_Exit(exit_code::kSucceeded);
 }
 
 }  // namespace stillmap::cli

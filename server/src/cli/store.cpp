@@ -1,8 +1,9 @@
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_levels.hpp>
-#include "store/backup_check.hpp"
 #include "store/package_store.hpp"
+#include "store/store_backup.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/core.h>
@@ -88,14 +89,14 @@ void list(const StoreArguments& arguments) {
 void verify(const StoreArguments& arguments) {
   require_store(arguments.store);
   const PackageStore store(arguments.store);
-  const std::vector<PackageStore::Problem> problems = store.verify();
+  const std::vector<server::StoreProblem> problems = server::verify_store(store);
   std::string text = problems.empty() ? "every package is as it was added" : "";
-  for (const PackageStore::Problem& problem : problems)
+  for (const server::StoreProblem& problem : problems)
     text += fmt::format("{}{}{}", text.empty() ? "" : "\n",
                         problem.map.empty() ? "" : problem.map + " " + problem.version + ": ",
                         problem.what);
   print(arguments.json, server::problems_json(problems), text);
-  if (!problems.empty()) throw command_line::ExitCode{command_line::kFailed};
+  if (!problems.empty()) throw command_line::ExitCode{exit_code::kFailed};
 }
 
 void gc(const StoreArguments& arguments) {
@@ -106,7 +107,7 @@ void gc(const StoreArguments& arguments) {
     for (const server::StoredMap& map : store.state().maps())
       for (const std::string& version : store.keep_newest(map.name, *arguments.keep))
         removed.push_back({map.name, version});
-  const PackageStore::Cleared cleared = store.gc();
+  const server::ClearedPackages cleared = server::clear_unused(store);
   std::string text;
   for (const server::RemovedVersion& each : removed)
     text += fmt::format("removed version {} of {}\n", each.version, each.map);
@@ -169,20 +170,20 @@ void reindex(const StoreArguments& arguments) {
   print(arguments.json, server::made_anew_json(all),
         text + fmt::format("{} packages reindexed", all.size()));
   for (const server::MadeAnew& made : all)
-    if (!made.is_whole()) throw command_line::ExitCode{command_line::kFailed};
+    if (!made.is_whole()) throw command_line::ExitCode{exit_code::kFailed};
 }
 
 void backup(const StoreArguments& arguments) {
   require_store(arguments.store);
   const PackageStore store(arguments.store);
   if (arguments.reread) server::drop_damaged_of_backup(arguments.folder);
-  const PackageStore::BackedUp done = store.backup(arguments.folder);
+  const server::BackedUp done = server::back_up_store(store, arguments.folder);
   print(arguments.json, server::backup_json(done),
         fmt::format("{} packages copied, {} kept from an earlier backup", done.copied, done.kept));
 }
 
 void restore(const StoreArguments& arguments) {
-  const std::size_t packages = PackageStore::restore(arguments.folder, arguments.store);
+  const std::size_t packages = server::restore_store(arguments.folder, arguments.store);
   print(arguments.json, server::restored_json(packages),
         fmt::format("restored {} packages to {}", packages, arguments.store.string()));
 }

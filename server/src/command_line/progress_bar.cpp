@@ -24,7 +24,8 @@ std::string progress_text(std::size_t done, std::size_t total, double elapsed_s)
       fmt::format("[{}{}] {:3.0f} %  {}/{}", std::string(filled, '#'),
                   std::string(kWidth - filled, '.'), std::floor(100.0 * share), done, total);
   if (share > 0.0 && share < 1.0) {
-    text += fmt::format("  {:.0f} s left", std::ceil(elapsed_s * (1.0 - share) / share));
+    text +=
+        fmt::format("  {:.0f} s left in this stage", std::ceil(elapsed_s * (1.0 - share) / share));
   }
   return text;
 }

@@ -31,7 +31,7 @@ class ProgressBar {
   Clock::time_point shown_;
 };
 
-/// "BAR  42 %  17/40  12 s left"; the rest is an estimate from the mean speed so far.
+/// "BAR  42 %  17/40  12 s left in this stage"; the rest is an estimate from the mean speed so far.
 [[nodiscard]] std::string progress_text(std::size_t done, std::size_t total, double elapsed_s);
 
 }  // namespace stillmap::command_line

@@ -76,21 +76,21 @@ std::atomic<const CancelLines*> cancel_lines = nullptr;
 int report_cancelled() {
   const std::string_view line = cancel_lines.load()->line();
   fmt::print(stderr, "{}", line);
-  return kCancelled;
+  return exit_code::kCancelled;
 }
 
 extern "C" void end_now(int) {
   write_all(STDERR_FILENO, cancel_lines.load()->line());
   if (last_line_fd >= 0) write_all(last_line_fd, last_line);
-  ::_exit(kCancelled);
+  ::_exit(exit_code::kCancelled);
 }
 
 /// By its words: libraries and streams throw what they like, with the system's reason in it.
 int code_of(const std::exception& error) {
   const std::string_view words = error.what();
   for (const int full : {ENOSPC, EDQUOT})
-    if (words.find(std::strerror(full)) != std::string_view::npos) return kDiskFull;
-  return kFailed;
+    if (words.find(std::strerror(full)) != std::string_view::npos) return exit_code::kDiskFull;
+  return exit_code::kFailed;
 }
 
 int report(std::string message, int exit_code) {
@@ -247,18 +247,18 @@ int run_program(CLI::App& app, int argc, char** argv) {
       app.parse(argc, argv);
     }
     flush_output();
-    return kSucceeded;
+    return exit_code::kSucceeded;
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
     const std::string text = words_of(error, app);
-    return report(text + hint_of_json(words, text), kUsage);
+    return report(text + hint_of_json(words, text), exit_code::kUsage);
   } catch (const ExitCode& code) {
     return code.value;
   } catch (const std::invalid_argument& error) {
-    return report(error.what(), kUsage);
+    return report(error.what(), exit_code::kUsage);
   } catch (const std::bad_alloc&) {
-    return report("out of memory; give the command more memory, or less work", kFailed);
+    return report("out of memory; give the command more memory, or less work", exit_code::kFailed);
   } catch (const std::exception& error) {
     return cancelled ? report_cancelled() : report(error.what(), code_of(error));
   }
@@ -277,7 +277,7 @@ void cancel_on_signals() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
-void say_when_cancelled(WhenCancelled words) {
+void say_when_cancelled(const WhenCancelled& words) {
   // A signal may read the lines before: they stay. Commands call this once or twice.
   static std::vector<std::unique_ptr<const CancelLines>> all;
   cancel_lines = all.emplace_back(std::make_unique<const CancelLines>(lines_of(words))).get();

@@ -7,17 +7,11 @@
 #include <string>
 #include <string_view>
 
+#include "errors/exit_codes.hpp"
+
 namespace stillmap::command_line {
 
-inline constexpr int kSucceeded = 0;
-inline constexpr int kFailed = 1;
-inline constexpr int kUsage = 2;
-/// Failed for want of room on the disk: with more of it, the same may do well.
-inline constexpr int kDiskFull = 3;
-/// `rebuild` made its map, and the map did not pass the gate.
-inline constexpr int kGateNotPassed = 4;
-inline constexpr int kCancelled = 130;
-/// What each of them means, for the end of a help.
+/// What each of `errors/exit_codes.hpp` means, for the end of a help.
 inline constexpr const char* kExitCodes =
     "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 disk full, 4 the map of a rebuild did not\n"
     "pass the gate, 130 cancelled.";
@@ -56,13 +50,13 @@ struct WhenCancelled {
   std::string if_not = "nothing was written; the same command starts anew";
 };
 /// Holds until the next call. Before the first call the default of `if_not` is printed.
-void say_when_cancelled(WhenCancelled words);
+void say_when_cancelled(const WhenCancelled& words);
 /// For work that goes on from what is kept at this path.
 [[nodiscard]] WhenCancelled goes_on_from(const std::filesystem::path& kept);
 
-/// From now on such a signal ends the program within about a second, with `kCancelled`, whatever it
-/// does then: for work that can be killed at any instant and goes on later, in stages that do not
-/// look at the flag. What is thrown before then ends it as usual.
+/// From now on such a signal ends the program within about a second, with `exit_code::kCancelled`,
+/// whatever it does then: for work that can be killed at any instant and goes on later, in stages
+/// that do not look at the flag. What is thrown before then ends it as usual.
 /// @param fd         where `last_line` goes then; -1 = nowhere.
 /// @param last_line  lives as long as the program.
 void end_soon_when_cancelled(int fd, std::string_view last_line);

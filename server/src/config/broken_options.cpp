@@ -16,7 +16,7 @@ class Together {
   void unless(bool holds, std::string_view key, std::string_view other, std::string_view bound) {
     if (holds) return;
     broken_.push_back({std::string(key), std::string(other), text_of(key),
-                       fmt::format("{}, and {} is {}", bound, other, text_of(other))});
+                       fmt::format("{} ({} is {})", bound, other, text_of(other))});
   }
 
  private:
@@ -30,10 +30,12 @@ class Together {
 
 void check_together(const ServerOptions& o, Together together) {
   together.unless(o.allow_remote || is_loopback(o.host), "host", "allow_remote",
-                  "a loopback address unless remote clients are allowed");
+                  "a loopback address, or for clients on other machines allow_remote and a key "
+                  "(stillmap keys create)");
   together.unless(o.allow_remote || !o.management.enabled() || is_loopback(o.management.host),
                   "management.host", "allow_remote",
-                  "a loopback address unless remote clients are allowed");
+                  "a loopback address, or for clients on other machines allow_remote and a key "
+                  "(stillmap keys create)");
   together.unless(o.management.port <= 0 || o.management.port != o.port, "management.port", "port",
                   "another port");
   together.unless(o.tls.key_file.empty() || !o.tls.certificate_file.empty(), "tls.certificate_file",

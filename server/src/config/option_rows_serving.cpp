@@ -188,7 +188,7 @@ std::vector<Option> admission_options() {
        .least = 1,
        .most = kDay,
        .unit = "s",
-       .text = "A session that sends no scan for so long is forgotten."},
+       .text = "A session that no request uses for so long ends."},
       {.key = "batch.max_scans",
        .field = at(&S::batch, &BatchOptions::max_scans),
        .least = 1,

@@ -143,7 +143,7 @@ std::vector<Option> job_options() {
       {.key = "gate.min_success_rate",
        .field = at(&S::gate, &Q::min_success_rate),
        .most = 1,
-       .text = "Least share of localized held-back scans, also for a first version.",
+       .text = "For a first version: least share of held-back scans that are found in it.",
        .reloadable = true},
       {.key = "gate.max_static_loss",
        .field = at(&S::gate, &Q::max_static_loss),
@@ -153,7 +153,8 @@ std::vector<Option> job_options() {
       {.key = "gate.min_coverage",
        .field = at(&S::gate, &Q::min_coverage),
        .most = 1,
-       .text = "Least share of the active version's ground that a rebuilt map covers.",
+       .text = "Least share of the ground within 2 m of the active version's path that a rebuilt "
+               "map covers.",
        .reloadable = true},
       {.key = "gate.max_wall_thickening",
        .field = at(&S::gate, &Q::max_wall_thickening),

@@ -10,7 +10,7 @@
 
 namespace stillmap::server {
 
-struct ReloadReport {
+struct ReloadResult {
   /// Keys whose new value is in force.
   std::vector<std::string> changed;
   /// Keys that differ now and keep the value they had until a restart.
@@ -28,7 +28,7 @@ using ReloadPreparation = std::function<PreparedReload(const ServerOptions& next
 /// nothing.
 /// @param others  what goes with the options, asked in this order once these can be used.
 /// @throws what one of `others` throws, with all as it was.
-[[nodiscard]] ReloadReport reload(const ConfigSources& sources, OptionsHolder& holder,
+[[nodiscard]] ReloadResult reload(const ConfigSources& sources, OptionsHolder& holder,
                                   const std::vector<ReloadPreparation>& others = {});
 
 }  // namespace stillmap::server

@@ -81,42 +81,48 @@ PoseRequest take_query(const Context& context, Batch& batch, std::size_t i) {
   return decode_scan(std::move(*batch.scans[i]), context.options);
 }
 
-std::string answer_query(const Context& context, const HttpRequest& request,
-                         const ServedVersion& map, Batch& batch, std::size_t i,
-                         AlignmentQueue::Ticket& ticket) {
-  PoseAnswer answer = answer_for(map, request);
+/// A batch whose turn has come.
+struct BatchTurn {
+  const HttpRequest& request;
+  const ServedVersion& map;
+  PoseClock::time_point deadline;
+  AlignmentQueue::Ticket& ticket;
+};
+
+std::string answer_query(const Context& context, const BatchTurn& turn, Batch& batch,
+                         std::size_t i) {
+  PoseAnswer answer = answer_for(turn.map, turn.request);
   const PoseClock::time_point begin = PoseClock::now();
   PoseRequest query = take_query(context, batch, i);
   answer.timing.decode_ms = milliseconds_since(begin);
   PoseParameters& parameters = query.parameters;
-  const localization::Aligner& aligner = choose_aligner(*map.aligners, parameters.method);
-  parameters.prior = prior_in(map, parameters.prior, parameters.gnss);
+  const localization::Aligner& aligner = choose_aligner(*turn.map.aligners, parameters.method);
+  parameters.prior = prior_in(turn.map, parameters.prior, parameters.gnss);
   leave_movable_out(query, answer);
   const PoseClock::time_point aligning = PoseClock::now();
   answer.result = aligner.align(query.scan_lidar, parameters.prior);
   answer.timing.align_ms = milliseconds_since(aligning);
   answer.parameters = std::move(parameters);
-  ticket.scan_done(kind_of(answer.parameters));
+  turn.ticket.scan_done(kind_of(answer.parameters));
   count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
-  finish_answer(context, request, answer);
+  finish_answer(context, turn.request, answer);
   return pose_answer_json(answer);
 }
 
 /// Each query is answered or refused on its own; past the deadline the rest is refused.
-void answer_queries(const Context& context, const HttpRequest& request, const ServedVersion& map,
-                    PoseClock::time_point deadline, Batch& batch, AlignmentQueue::Ticket& ticket) {
+void answer_queries(const Context& context, const BatchTurn& turn, Batch& batch) {
   for (std::size_t i = 0; i < batch.queries.items.size(); ++i) {
-    require_client(request);
+    require_client(turn.request);
     try {
-      batch.answers.push_back({200, counting_refusals(context, map.map, [&] {
-                                 if (i > 0) ticket.give_way();
-                                 check_deadline(deadline);
-                                 return answer_query(context, request, map, batch, i, ticket);
+      batch.answers.push_back({200, counting_refusals(context, turn.map.map, [&] {
+                                 if (i > 0) turn.ticket.give_way();
+                                 check_deadline(turn.deadline);
+                                 return answer_query(context, turn, batch, i);
                                })});
     } catch (const ApiError& error) {
       batch.answers.push_back(
-          {info_of(error.code()).http_status, problem_json(error, request.request_id)});
+          {info_of(error.code()).http_status, problem_json(error, turn.request.request_id)});
     }
   }
 }
@@ -156,7 +162,7 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
     }
     const PoseClock::time_point deadline = deadline_of(context, request, batch.queries.deadline);
     ticket.set_deadline(deadline);
-    answer_queries(context, request, map, deadline, batch, ticket);
+    answer_queries(context, {request, map, deadline, ticket}, batch);
   }
   return json_response(batch_answer_json(batch.answers, request.request_id));
 }

@@ -4,7 +4,7 @@
 #include "catalog/map_catalog.hpp"
 #include "http/router.hpp"
 #include "http/shared_places.hpp"
-#include "jobs/job_runner.hpp"
+#include "jobs/jobs.hpp"
 #include "metrics/metrics.hpp"
 #include "pose/alignment_queue.hpp"
 #include "pose/map_stats.hpp"
@@ -42,7 +42,7 @@ struct Context {
   MapLayers& layers;
   AlignmentQueue& queue;
   SessionTable& sessions;
-  JobRunner& jobs;
+  Jobs& jobs;
   Metrics& metrics;
   MapStats& stats;
   /// Once set, the server is about to end.
@@ -96,8 +96,8 @@ void require_json_if_any(const HttpRequest& request);
 /// What stands in the path's place of a version, if it has one.
 [[nodiscard]] std::optional<std::string_view> version_in(const PathParameters& path);
 /// A version as lists show it; one that cannot be read says why.
-[[nodiscard]] DescribedVersion described(const Context& context, const std::string& map,
-                                         const StoredVersion& version);
+[[nodiscard]] DescribedVersion describe_version(const Context& context, const std::string& map,
+                                                const StoredVersion& version);
 /// The version that the path names; the one that is served when it names none.
 /// @throws as `MapCatalog::find`.
 [[nodiscard]] ServedVersion find_version(MapCatalog& catalog, const PathParameters& path);

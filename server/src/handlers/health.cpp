@@ -15,7 +15,7 @@
 namespace stillmap::server {
 namespace {
 
-std::string described(const ServedVersion& version) {
+std::string map_and_version(const ServedVersion& version) {
   return "map " + version.map + " version " + version.version;
 }
 
@@ -25,7 +25,7 @@ std::vector<std::string> complaints(const Context& context, const Caller& caller
   std::vector<std::string> all;
   if (const std::string why = context.store.state().not_writable_because(); !why.empty())
     all.push_back("the store takes no changes: " + without_folder(why, context.store.folder()) +
-                  "; mend its disk, then start the server again");
+                  "; repair its disk, then start the server again");
   const std::uint64_t free = free_bytes(context.store.folder());
   const std::uint64_t reserve = context.store.quota().disk_reserve.value_or(0);
   if (free < reserve)
@@ -50,7 +50,7 @@ class MapReasons {
 
   void add(const ServedVersion& version, const std::string& what) {
     if (caller_.may_read && may_use_map(caller_, version.map))
-      named_.push_back(described(version) + ": " + what);
+      named_.push_back(map_and_version(version) + ": " + what);
     else
       ++others_;
   }
@@ -83,7 +83,8 @@ HttpResponse answer_ready(const Context& context, const Caller& caller) {
     }
   }
   for (const ServedVersion& map : context.catalog.waiting())
-    if (map.state == MapState::kFailed) failed.add(map, map.failure + "; the one before goes on");
+    if (map.state == MapState::kFailed)
+      failed.add(map, map.failure + "; the version before is still served");
   if (!loading.empty()) return json_response(status_json("loading", loading.texts("loading")), 503);
   std::vector<std::string> reasons = failed.texts("cannot be used");
   for (std::string& complaint : complaints(context, caller))
@@ -97,7 +98,7 @@ HttpResponse answer_map_ready(const MapCatalog& catalog, const std::string& name
     if (map.state == MapState::kReady) return json_response(status_json("ready", {}));
     if (map.state == MapState::kFailed)
       return json_response(status_json("failed", {map.failure}), 503);
-    return json_response(status_json("loading", {described(map) + ": loading"}), 503);
+    return json_response(status_json("loading", {map_and_version(map) + ": loading"}), 503);
   }
   (void)catalog.find(name);  // says why there is none
   return json_response(status_json("loading", {}), 503);

@@ -21,7 +21,7 @@ namespace {
 /// What happens to one job on its way to one client.
 class JobStream final : public EventSource {
  public:
-  JobStream(JobRunner& jobs, std::int64_t id, std::uint64_t last_id)
+  JobStream(LiveJobs& jobs, std::int64_t id, std::uint64_t last_id)
       : jobs_(jobs), id_(id), last_id_(last_id), events_(jobs.events(id)) {}
 
   std::optional<std::string> next(std::chrono::milliseconds most) override {
@@ -59,7 +59,7 @@ class JobStream final : public EventSource {
     }
   }
 
-  JobRunner& jobs_;
+  LiveJobs& jobs_;
   std::int64_t id_;
   std::uint64_t last_id_;
   std::shared_ptr<JobEvents> events_;
@@ -115,14 +115,15 @@ HttpResponse list_jobs(const Context& context, const HttpRequest& request) {
   }
   const JobTable::Page found = context.store.jobs().list(filter, page.limit, page.before);
   std::vector<JobView> views;
-  for (const StoredJob& job : found.jobs) views.push_back(context.jobs.view(job));
+  for (const StoredJob& job : found.jobs) views.push_back(context.jobs.live.view(job));
   return json_response(job_list_json(views, found.next));
 }
 
 HttpResponse cancel_job(const Context& context, const PathParameters& path) {
-  const StoredJob job = context.jobs.cancel(job_id(path));
+  const StoredJob job = context.jobs.live.cancel(job_id(path));
   // What is processing ends within two seconds.
-  return json_response(job_json(context.jobs.view(job.id)), is_finished(job.status) ? 200 : 202);
+  return json_response(job_json(context.jobs.live.view(job.id)),
+                       is_finished(job.status) ? 200 : 202);
 }
 
 HttpResponse stream_job(const Context& context, const HttpRequest& request,
@@ -134,7 +135,7 @@ HttpResponse stream_job(const Context& context, const HttpRequest& request,
   if (is_finished(job.status) && last_id >= event_id_at(*job.finished_ns))
     return {.status = 204, .content_type = {}, .body = {}, .headers = {}};
   HttpResponse response;
-  response.events = std::make_shared<JobStream>(context.jobs, id, last_id);
+  response.events = std::make_shared<JobStream>(context.jobs.live, id, last_id);
   return response;
 }
 
@@ -143,7 +144,7 @@ HttpResponse job_log(const Context& context, const PathParameters& path) {
   static_cast<void>(context.store.jobs().job(id));
   HttpResponse response{.content_type = "text/plain; charset=utf-8", .body = {}, .headers = {}};
   response.headers.emplace_back("Cache-Control", "no-cache");
-  auto log = std::make_shared<LogSource>(context.jobs.folder(id).log());
+  auto log = std::make_shared<LogSource>(context.jobs.folders.of(id).log());
   // Of a job that has said nothing yet.
   if (log->size() > 0) response.source = std::move(log);
   return response;
@@ -160,7 +161,7 @@ void add_job_routes(std::vector<Route>& routes, const Context& context) {
        .limits_maps = true});
   routes.push_back(
       {"GET", "/v1/jobs/{job}", [&context](const HttpRequest&, const PathParameters& path) {
-         return json_response(job_json(context.jobs.view(job_id(path))));
+         return json_response(job_json(context.jobs.live.view(job_id(path))));
        }});
   routes.push_back({"POST", "/v1/jobs/{job}/cancel",
                     [&context](const HttpRequest&, const PathParameters& path) {

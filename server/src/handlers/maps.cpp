@@ -52,7 +52,7 @@ void require_whole_texts(const maps::MapPackage& map) {
     const std::string found = maps::sha256_of_file(map.folder() / path);
     if (found != file.sha256)
       throw maps::InputError((map.folder() / path).string(), "SHA-256 " + found,
-                             file.sha256 + " as in manifest.json; publish the package again");
+                             file.sha256 + " as in manifest.json; add the same package again");
   }
 }
 
@@ -95,7 +95,7 @@ HttpResponse answer_list(const Context& context, const Caller& caller) {
     const ServedVersion unknown{.map = name, .version = version, .state = MapState::kLoading};
     listed.served = loading_unless_known(context.catalog.known(name, version).value_or(unknown));
     const auto stored = context.store.state().find_version(name, version);
-    if (stored) listed.described = described(context, name, *stored);
+    if (stored) listed.described = describe_version(context, name, *stored);
   }
   return json_response(map_list_json(maps));
 }
@@ -124,13 +124,13 @@ std::string one_version(const Context& context, const StoredMap& map, const Path
                        : loading_unless_known(context.catalog.find(map.name, *map.active));
   const auto stored = context.store.state().find_version(version.map, version.version);
   return map_json(map, version,
-                  stored ? described(context, version.map, *stored) : DescribedVersion{});
+                  stored ? describe_version(context, version.map, *stored) : DescribedVersion{});
 }
 
 }  // namespace
 
-DescribedVersion described(const Context& context, const std::string& map,
-                           const StoredVersion& version) {
+DescribedVersion describe_version(const Context& context, const std::string& map,
+                                  const StoredVersion& version) {
   DescribedVersion found{.stored = version, .state = "stored"};
   if (const auto open = context.catalog.known(map, version.name)) {
     found.state = name_of(open->state);

@@ -59,9 +59,8 @@ HttpResponse put_version(const Context& context, const HttpRequest& request,
 /// The refusal for a package with a damaged file. It is logged too.
 ApiError damaged(const PathParameters& path, const std::string& file) {
   const std::string text = fmt::format(
-      "version '{}' of map '{}' is damaged on the disk: {} is not what its manifest says; to mend "
-      "it, "
-      "publish the same package again",
+      "version '{}' of map '{}' is damaged on the disk: {} is not what its manifest says; to "
+      "repair it, add the same package again",
       path.at("version"), path.at("map"), file);
   spdlog::error("{}", text);
   return {ErrorCode::kStorageError, text};

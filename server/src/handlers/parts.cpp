@@ -50,7 +50,7 @@ HttpResponse put_part(const Context& context, const HttpRequest& request,
   const auto source = [&body](std::span<char> to) { return body.read(to); };
   return with_upload_errors(context.store.folder(), [&] {
     const DriveStore::Added added =
-        context.drives.add_part(drive.id, n, body.size(), source, sha256, {.bytes = most});
+        context.drives.add_part(drive.id, {n, body.size(), source, sha256}, {.bytes = most});
     return json_response(part_json(added.part), added.is_new ? 201 : 200);
   });
 }

@@ -49,8 +49,9 @@ std::optional<localization::Prior> prior_in(const ServedVersion& map,
   if (!gnss) return prior;
   const auto& origin = map.package->manifest().geodetic_origin;
   if (!origin) {
-    throw field_error(ErrorCode::kNoGeodeticOrigin, "gnss", "a map without geodetic_origin",
-                      "a prior in the map's own frame");
+    throw field_error(
+        ErrorCode::kNoGeodeticOrigin, "gnss", "a map without geodetic_origin",
+        "a prior in the map frame, or a map with a place on the Earth (build --geo-origin)");
   }
   return prior_from(*gnss, *origin, *map.seen_from);
 }

@@ -44,9 +44,9 @@ std::string head_of(const ByteSource& source) {
 /// 202 while it is converted, 200 when that was done before.
 HttpResponse convert(const Context& context, const Publication& wanted, const std::string& format) {
   // Sent again, the file of a job that waits takes no more room; another one will be refused.
-  const auto before = context.jobs.newest_conversion(wanted.map, wanted.version);
+  const auto before = context.jobs.orders.newest_conversion(wanted.map, wanted.version);
   if (!before || is_finished(before->status))
-    context.jobs.check_upload_quota(wanted.map, wanted.bytes);
+    context.jobs.uploads.check_quota(wanted.map, wanted.bytes);
   const std::string name = wanted.map + "/" + wanted.version;
   const std::string head = head_of(wanted.source);
   maps::check_cloud_header(std::as_bytes(std::span(head)), format, name);
@@ -56,12 +56,13 @@ HttpResponse convert(const Context& context, const Publication& wanted, const st
     left.remove_prefix(count);
     return count;
   };
-  const std::string sha256 = context.jobs.receive(source, wanted.bytes, wanted.sha256, name);
-  const JobTable::Enqueued enqueued = context.jobs.convert(
+  const std::string sha256 =
+      context.jobs.uploads.receive(source, wanted.bytes, wanted.sha256, name);
+  const JobTable::Enqueued enqueued = context.jobs.orders.convert(
       wanted.map, {.version = wanted.version, .sha256 = sha256, .format = format},
       {wanted.key_id, std::nullopt});
   if (enqueued.job.status != JobStatus::kSucceeded)
-    return accepted(context.jobs.view(enqueued.job));
+    return accepted(context.jobs.live.view(enqueued.job));
   return json_response(version_json(context.store.state().version(wanted.map, wanted.version)));
 }
 
@@ -86,9 +87,11 @@ HttpResponse publish_bytes(const Context& context, const Publication& wanted) {
   context.store.check_disk_reserve(wanted.bytes);
   if (const auto format = cloud_format(wanted.content_type))
     return convert(context, wanted, *format);
-  const PackageStore::Added added = context.store.add_archive(
-      wanted.map, wanted.version, wanted.source, wanted.map + "/" + wanted.version,
-      archive_limits(context.live.current()->uploads), wanted.sha256);
+  const PackageStore::Added added =
+      context.store.add_archive(wanted.map, wanted.version,
+                                {wanted.source, wanted.map + "/" + wanted.version,
+                                 archive_limits(context.live.current()->uploads)},
+                                wanted.sha256);
   HttpResponse response = json_response(version_json(added.version), added.is_new ? 201 : 200);
   if (added.is_new) {
     response.headers.emplace_back("Location",

@@ -25,9 +25,9 @@ HttpResponse rebuild(const Context& context, const HttpRequest& request,
                      const PathParameters& path) {
   require_json(request);
   const JobTable::Enqueued enqueued =
-      context.jobs.rebuild(path.at("map"), read_rebuild_request(request.body),
-                           {request.caller.key_id, idempotency_key(request)});
-  return accepted(context.jobs.view(enqueued.job));
+      context.jobs.orders.rebuild(path.at("map"), read_rebuild_request(request.body),
+                                  {request.caller.key_id, idempotency_key(request)});
+  return accepted(context.jobs.live.view(enqueued.job));
 }
 
 }  // namespace

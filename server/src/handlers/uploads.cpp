@@ -59,8 +59,8 @@ HttpResponse list_uploads(const Context& context, const PathParameters& path) {
 HttpResponse answer_completed(const Context& context, const StoredDrive& upload) {
   const auto version = context.store.state().find_version(upload.map, upload.target.version);
   if (version) return json_response(version_json(*version));
-  if (const auto job = context.jobs.newest_conversion(upload.map, upload.target.version))
-    return accepted(context.jobs.view(*job));
+  if (const auto job = context.jobs.orders.newest_conversion(upload.map, upload.target.version))
+    return accepted(context.jobs.live.view(*job));
   throw ApiError(ErrorCode::kUnknownVersion, fmt::format("version {} of map {} was removed",
                                                          upload.target.version, upload.map));
 }

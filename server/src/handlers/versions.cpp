@@ -52,7 +52,7 @@ HttpResponse list_versions(const Context& context, const PathParameters& path) {
   const StoredMap map = state.map(path.at("map"));
   std::vector<DescribedVersion> versions;
   for (const StoredVersion& version : state.versions(map.name))
-    versions.push_back(described(context, map.name, version));
+    versions.push_back(describe_version(context, map.name, version));
   HttpResponse response = json_response(version_list_json(map, versions));
   response.headers.emplace_back("ETag", etag_of(map));
   return response;

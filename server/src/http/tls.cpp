@@ -62,12 +62,14 @@ double unix_seconds(const ASN1_TIME* time) {
 void load(SSL_CTX* context, const std::string& certificate_file, const std::string& key_file) {
   ERR_clear_error();
   if (SSL_CTX_use_certificate_chain_file(context, certificate_file.c_str()) != 1) {
-    throw maps::InputError(certificate_file, first_reason(), "a certificate chain in PEM");
+    throw maps::InputError(certificate_file, first_reason(),
+                           "a certificate chain in PEM: check tls.certificate_file");
   }
   if (SSL_CTX_use_PrivateKey_file(context, key_file.c_str(), SSL_FILETYPE_PEM) != 1 ||
       SSL_CTX_check_private_key(context) != 1) {
-    throw maps::InputError(key_file, first_reason(),
-                           "the private key of " + certificate_file + " in PEM, no pass phrase");
+    throw maps::InputError(
+        key_file, first_reason(),
+        "the private key of " + certificate_file + " in PEM, no pass phrase: check tls.key_file");
   }
 }
 

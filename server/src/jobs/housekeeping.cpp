@@ -72,7 +72,7 @@ void remove_old_versions(PackageStore& store, std::size_t kept) {
 }  // namespace
 
 void keep_house(const RetentionOptions& options, PackageStore& store, DriveStore& drives,
-                JobRunner& jobs, std::int64_t now_ns) {
+                const JobFolders& jobs, std::int64_t now_ns) {
   if (!store.read_only_because().empty()) return;
   // Drives that stay for good need no job that tells when they were used.
   const std::int64_t drives_before =
@@ -157,7 +157,7 @@ std::int64_t newest_time_ns(const PackageStore& store) {
 }
 
 Housekeeping::Housekeeping(const OptionsHolder& live, PackageStore& store, DriveStore& drives,
-                           JobRunner& jobs, bool keeps_ballast) {
+                           const JobFolders& jobs, bool keeps_ballast) {
   thread_ = std::jthread(
       [this, &live, &store, &drives, &jobs, keeps_ballast](const std::stop_token& stop) {
         constexpr int kMinutesBetween = 60;

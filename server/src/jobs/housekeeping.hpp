@@ -1,6 +1,6 @@
 #pragma once
 
-#include "jobs/job_runner.hpp"
+#include "jobs/job_folders.hpp"
 
 #include <stillmap/server/options_holder.hpp>
 #include "store/drive_store.hpp"
@@ -20,7 +20,7 @@ namespace stillmap::server {
 /// rows of the audit log. Each of them is tried, whatever becomes of the others.
 /// @param now_ns  since 1970.
 void keep_house(const RetentionOptions& options, PackageStore& store, DriveStore& drives,
-                JobRunner& jobs, std::int64_t now_ns);
+                const JobFolders& jobs, std::int64_t now_ns);
 
 /// The time by which retention tells what is old. This is the wall clock while it is at most a day
 /// ahead of the time that was kept when the store was last in use. A clock that is further ahead
@@ -55,8 +55,8 @@ class RetentionClock {
 class Housekeeping {
  public:
   /// All of it outlives this.
-  Housekeeping(const OptionsHolder& live, PackageStore& store, DriveStore& drives, JobRunner& jobs,
-               bool keeps_ballast);
+  Housekeeping(const OptionsHolder& live, PackageStore& store, DriveStore& drives,
+               const JobFolders& jobs, bool keeps_ballast);
   Housekeeping(const Housekeeping&) = delete;
   Housekeeping& operator=(const Housekeeping&) = delete;
   /// Waits for what it is at.

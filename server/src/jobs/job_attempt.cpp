@@ -1,5 +1,6 @@
 #include "jobs/job_attempt.hpp"
 
+#include "errors/exit_codes.hpp"
 #include "jobs/job_log.hpp"
 
 #include <fmt/chrono.h>
@@ -81,23 +82,23 @@ class Watched {
   std::optional<Kind> asked_;
 };
 
-/// The mapper's exit codes for what would come out the same again; 130 is somebody's SIGTERM.
-bool is_verdict(const ProcessEnd& end) { return end.exit_code == 1 || end.exit_code == 2; }
-
-/// `command_line::kDiskFull` and `kGateNotPassed`, which the mapper ends with.
-constexpr int kDiskFullExit = 3;
-constexpr int kGateNotPassedExit = 4;
+/// What would come out the same again; `kCancelled` is somebody's SIGTERM.
+bool is_verdict(const ProcessEnd& end) {
+  return end.exit_code == exit_code::kFailed || end.exit_code == exit_code::kUsage;
+}
 
 AttemptEnd end_of(const ProcessEnd& end, std::optional<Kind> asked, const JobAttempt& attempt,
                   const std::string& said) {
   // The map of a rebuild is there also when it did not pass the gate.
-  if (end.signal == 0 && (end.exit_code == 0 || end.exit_code == kGateNotPassedExit))
+  if (end.signal == 0 &&
+      (end.exit_code == exit_code::kSucceeded || end.exit_code == exit_code::kGateNotPassed))
     return {Kind::kDone, {}};
   if (asked == Kind::kTimedOut)
     return {Kind::kTimedOut, fmt::format("took longer than {} s", attempt.most.count())};
   if (asked) return {*asked, *asked == Kind::kCanceled ? "cancelled" : "the server was stopped"};
   if (is_verdict(end)) return {Kind::kFailed, said.empty() ? end.words() : said};
-  if (end.exit_code == kDiskFullExit) return {Kind::kDiskFull, said.empty() ? end.words() : said};
+  if (end.exit_code == exit_code::kDiskFull)
+    return {Kind::kDiskFull, said.empty() ? end.words() : said};
   return {Kind::kCrashed, end.words() + (said.empty() ? "" : "; its last words: " + said)};
 }
 

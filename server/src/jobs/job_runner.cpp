@@ -1,9 +1,9 @@
 #include "jobs/job_runner.hpp"
 
-#include "errors/api_error.hpp"
 #include "errors/refusal_codes.hpp"
-#include "errors/upload_errors.hpp"
-#include "jobs/program_crash.hpp"
+#include "jobs/job_request.hpp"
+#include "jobs/job_sources.hpp"
+#include "jobs/mapper_command.hpp"
 #include "store/ids_and_times.hpp"
 
 #include <fcntl.h>
@@ -18,6 +18,8 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <filesystem>
+#include <sstream>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -27,38 +29,43 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// In the store.
-constexpr const char* kJobs = "jobs";
+/// How soon a job is seen, or its cancel, that another process wrote into the store.
+constexpr std::chrono::seconds kLookAtStore{1};
 /// How soon the jobs of another server are taken over when it is gone.
 constexpr std::chrono::seconds kLookAtLock{2};
 /// How soon the end of a job that could not be kept is tried again, at most.
 constexpr std::chrono::seconds kMostBetweenTries{30};
+/// How often a job waits for room on a full disk: with the pauses, for half an hour, in which what
+/// it has made so far takes room itself.
+constexpr int kMostTimesFull = 5;
+constexpr int kLongerWhenFull = 5;
 
-/// Runs what may throw where nobody could do anything about it.
-template <typename Work>
-void quietly(const char* what, std::int64_t id, Work&& work) {
+/// How often a job's program, or the server while it published, crashed, with this attempt; the
+/// same however often it is asked.
+std::size_t count_crash(const JobFolder& folder, const StoredJob& job) {
+  std::size_t crashes = 0;
+  std::int64_t last_attempt = 0;
+  std::istringstream(read_small_file(folder.crashes()).value_or("")) >> crashes >> last_attempt;
+  if (last_attempt == job.attempts) return crashes;
+  ++crashes;
   try {
-    std::forward<Work>(work)();
-  } catch (const std::exception& error) {
-    spdlog::error("job {}: {}: {}", id, what, error.what());
+    write_small_file(folder.crashes(), fmt::format("{} {}", crashes, job.attempts));
+  } catch (const maps::StorageError& error) {
+    spdlog::error("job {}: its crash could not be counted: {}", job.id, error.what());
   }
-}
-
-fs::path job_root(const JobOptions& options, const PackageStore& store) {
-  return options.work_dir.empty() ? store.folder() / kJobs : fs::path(options.work_dir);
-}
-
-/// Whether the server that had the job before ended so. Counted as a crash, else a map that is too
-/// large for the memory would end every server that follows.
-bool ended_publishing(const JobFolder& folder) {
-  std::error_code error;
-  return fs::exists(folder.publishing(), error);
+  return crashes;
 }
 
 }  // namespace
 
-JobRunner::JobRunner(const Setup& setup)
-    : setup_(setup), root_(job_root(setup.live.current()->jobs, setup.store)) {
+JobRunner::JobRunner(const JobSetup& setup, const JobFolders& folders, JobUploads& uploads,
+                     LiveJobs& live)
+    : setup_(setup),
+      folders_(folders),
+      uploads_(uploads),
+      live_(live),
+      publisher_(setup, folders),
+      room_(setup, folders) {
   if (!setup_.store.read_only_because().empty()) return;
   if (setup_.mapper.empty()) spdlog::warn("stillmap-mapper is not there: jobs will fail");
   for (int i = 0; i < setup_.live.current()->jobs.concurrent; ++i)
@@ -68,36 +75,13 @@ JobRunner::JobRunner(const Setup& setup)
 JobRunner::~JobRunner() {
   for (std::jthread& thread : threads_) thread.request_stop();
   {
-    // Who does not wait for a map that is being loaded has not crashed.
-    const std::scoped_lock lock(take_over_mutex_, mutex_);
-    std::error_code error;
     // Of another server's jobs events alone are known here.
-    const bool are_ours = !locks_.empty();
-    for (const auto& [id, active] : active_)
-      if (are_ours) fs::remove(folder(id).publishing(), error);
+    const std::scoped_lock lock(take_over_mutex_);
+    if (!locks_.empty()) publisher_.remove_marks(live_.ids());
   }
   wake();
   threads_.clear();
-  const std::scoped_lock lock(mutex_);
-  for (auto& [id, active] : active_) active.events->close();
-}
-
-JobFolder JobRunner::folder(std::int64_t id) const { return {root_ / std::to_string(id)}; }
-
-ProcessLimits JobRunner::limits() const {
-  const JobOptions jobs = setup_.live.current()->jobs;
-  return {.nice = jobs.nice, .cores = jobs.cores, .memory_bytes = jobs.memory_bytes};
-}
-
-std::string JobRunner::without_places(std::string text) const {
-  // `root_` may lie elsewhere, but holds what "jobs" of the store does.
-  const fs::path store = setup_.store.folder();
-  const std::string root = root_.string() + "/";
-  const std::string usual = (store / "jobs/").string();
-  for (std::size_t at = text.find(root); root != usual && at != std::string::npos;
-       at = text.find(root, at + usual.size()))
-    text.replace(at, root.size(), usual);
-  return without_folder(std::move(text), store);
+  live_.close();
 }
 
 void JobRunner::wake() {
@@ -132,11 +116,11 @@ bool JobRunner::take_over() {
   if (!locks_.empty()) return true;
   // Those of the store belong to one server, wherever each of them works; and a folder to work in
   // to one store, as jobs are known there by their numbers.
-  const fs::path of_store = setup_.store.folder() / kJobs;
+  const fs::path of_store = folders_.of_store();
   fs::create_directories(of_store);
-  fs::create_directories(root_);
+  fs::create_directories(folders_.root());
   std::vector<fs::path> folders = {of_store};
-  if (!fs::equivalent(of_store, root_)) folders.push_back(root_);
+  if (!fs::equivalent(of_store, folders_.root())) folders.push_back(folders_.root());
   std::vector<Descriptor> held;
   for (const fs::path& folder : folders) {
     Descriptor file(::open((folder / ".lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640));
@@ -146,9 +130,9 @@ bool JobRunner::take_over() {
   const std::size_t back =
       setup_.store.jobs().put_back_all("the server ended meanwhile", unix_ns());
   if (back > 0) spdlog::info("{} jobs go on that were interrupted", back);
-  // Whoever held the lock before is gone, and what it was receiving with it.
-  clear_uploads(true);
-  clear_forgotten();
+  // Whoever held the lock before is gone.
+  uploads_.clear_left_by_another();
+  folders_.clear_forgotten();
   locks_ = std::move(held);
   return true;
 }
@@ -156,13 +140,9 @@ bool JobRunner::take_over() {
 void JobRunner::run(const StoredJob& job, const std::stop_token& stop) {
   spdlog::info("job {} begins: {} of {}, attempt {}", job.id, name_of(job.kind), job.map,
                job.attempts);
-  {
-    const std::scoped_lock lock(mutex_);
-    active_[job.id].progress = {};
-  }
-  note_progress(job, {.stage = "prepare"});
+  live_.begin(job);
   const AttemptEnd end =
-      ended_publishing(folder(job.id))
+      publisher_.is_marked(job.id)
           ? AttemptEnd{AttemptEnd::Kind::kCrashed, "the server ended while it published the map"}
           : attempt(job, stop);
   // What the store cannot keep just now, as on a full disk, is tried until the server ends; at its
@@ -170,11 +150,11 @@ void JobRunner::run(const StoredJob& job, const std::stop_token& stop) {
   std::chrono::seconds pause = kLookAtStore;
   do {
     try {
-      return settle(job, end, stop);
+      return conclude(job, end, stop);
     } catch (const StoreRefusal& refusal) {
       // Somebody else has ended or forgotten it.
       spdlog::error("job {}: {}", job.id, refusal.what());
-      return let_go(job.id);
+      return live_.forget(job.id);
     } catch (const std::exception& error) {
       spdlog::error("job {}: its end could not be kept: {}", job.id, error.what());
     }
@@ -187,12 +167,12 @@ void JobRunner::run(const StoredJob& job, const std::stop_token& stop) {
 AttemptEnd JobRunner::attempt(const StoredJob& job, const std::stop_token& stop) {
   JobAttempt attempt{
       .command = {},
-      .limits = limits(),
-      .log = folder(job.id).log(),
+      .limits = setup_.limits(),
+      .log = folders_.of(job.id).log(),
       .most = std::chrono::seconds(setup_.live.current()->jobs.time_limit_s),
-      .is_canceled = [&] { return wants_cancel(job.id); },
+      .is_canceled = [&] { return live_.wants_cancel(job.id); },
       .is_stopping = [&] { return stop.stop_requested(); },
-      .on_progress = [&](const JobProgress& progress) { note_progress(job, progress); }};
+      .on_progress = [&](const JobProgress& progress) { live_.note_progress(job, progress); }};
   using Kind = AttemptEnd::Kind;
   AttemptEnd unprepared;
   try {
@@ -214,9 +194,9 @@ AttemptEnd JobRunner::attempt(const StoredJob& job, const std::stop_token& stop)
 
 std::vector<std::string> JobRunner::prepare(const StoredJob& job,
                                             const std::function<bool()>& is_unwanted) {
-  const JobFolder folder = this->folder(job.id);
+  const JobFolder folder = folders_.of(job.id);
   fs::create_directories(folder.scratch());
-  sync_folder(root_);
+  sync_folder(folders_.root());
   if (setup_.mapper.empty()) throw std::runtime_error("stillmap-mapper is not there");
   const int threads = setup_.live.current()->jobs.cores;
   if (job.kind == JobKind::kConvert) {
@@ -226,25 +206,19 @@ std::vector<std::string> JobRunner::prepare(const StoredJob& job,
     const fs::path file = folder.scratch() / ("map." + request.format);
     std::error_code error;
     fs::remove(file, error);
-    fs::create_hard_link(upload(request.sha256), file);
+    fs::create_hard_link(uploads_.file(request.sha256), file);
     return convert_command(setup_.mapper, file, folder, threads);
   }
   const RebuildRequest request = read_stored_rebuild(job.request);
-  const RebuildSources sources = sources_of(job, request);
+  const RebuildSources sources = sources_of_job(setup_, job.map, request, folder);
   // A second attempt has used some of it.
   if (job.attempts == 1) {
-    check_room(job.map, request, sources,
-               std::chrono::seconds(setup_.live.current()->jobs.time_limit_s), is_unwanted);
+    room_.check(job.map, request, sources,
+                std::chrono::seconds(setup_.live.current()->jobs.time_limit_s), is_unwanted);
   }
   write_small_file(folder.gate(), gate_json(setup_.live.current()->gate));
   if (!request.edits.empty()) write_small_file(folder.edits(), request.edits);
   return rebuild_command(setup_.mapper, request, sources, folder, threads);
-}
-
-bool JobRunner::wants_cancel(std::int64_t id) {
-  const std::scoped_lock lock(mutex_);
-  const auto found = active_.find(id);
-  return found != active_.end() && found->second.cancel;
 }
 
 /// By whomever: another process may have written so into the store.
@@ -252,44 +226,20 @@ bool JobRunner::is_canceled(const StoredJob& job) const {
   return setup_.store.jobs().job(job.id).cancel_requested;
 }
 
-void JobRunner::note_progress(const StoredJob& job, const JobProgress& progress) {
-  std::shared_ptr<JobEvents> events;
-  bool is_new_stage = false;
-  {
-    const std::scoped_lock lock(mutex_);
-    Active& active = active_[job.id];
-    is_new_stage = active.progress.stage != progress.stage;
-    active.progress = progress;
-    events = active.events;
-  }
-  JobView view{.job = job, .progress = progress};
-  view.job.stage = progress.stage;
-  events->add("progress", job_event_json(view), unix_ns());
-  if (!is_new_stage) return;
-  quietly("its stage could not be kept", job.id,
-          [&] { setup_.store.jobs().set_stage(job.id, progress.stage); });
-  quietly("whether it was cancelled is not known", job.id, [&] {
-    // By another process, or before the restart.
-    if (!setup_.store.jobs().job(job.id).cancel_requested) return;
-    const std::scoped_lock lock(mutex_);
-    active_[job.id].cancel = true;
-  });
-}
-
-void JobRunner::settle(const StoredJob& job, const AttemptEnd& end, const std::stop_token& stop) {
+void JobRunner::conclude(const StoredJob& job, const AttemptEnd& end, const std::stop_token& stop) {
   using Kind = AttemptEnd::Kind;
   JobTable& jobs = setup_.store.jobs();
   switch (end.kind) {
     case Kind::kDone:
-      if (wants_cancel(job.id)) return ended(jobs.end_canceled(job.id, unix_ns()));
+      if (live_.wants_cancel(job.id)) return live_.end(jobs.end_canceled(job.id, unix_ns()));
       return publish(job, stop);
     case Kind::kFailed:
     case Kind::kTimedOut:
-      return fail(job, without_places(end.why));
+      return fail(job, folders_.without_places(end.why));
     case Kind::kCanceled:
-      return ended(jobs.end_canceled(job.id, unix_ns()));
+      return live_.end(jobs.end_canceled(job.id, unix_ns()));
     case Kind::kStopped:
-      return ended(jobs.put_back(job.id, end.why, unix_ns()));
+      return live_.end(jobs.put_back(job.id, end.why, unix_ns()));
     case Kind::kCrashed:
       return try_again(job, end.why);
     case Kind::kDiskFull:
@@ -297,85 +247,79 @@ void JobRunner::settle(const StoredJob& job, const AttemptEnd& end, const std::s
   }
 }
 
-/// Nothing is known here any more of a job that is not ours.
-void JobRunner::let_go(std::int64_t id) {
-  const std::scoped_lock lock(mutex_);
-  const auto found = active_.find(id);
-  if (found == active_.end()) return;
-  found->second.events->close();
-  active_.erase(found);
-}
-
-/// After the store was told: nothing is left to do when it has ended for good.
-void JobRunner::ended(const StoredJob& job) {
-  const bool finished = is_finished(job.status);
-  std::shared_ptr<JobEvents> events;
-  {
-    const std::scoped_lock lock(mutex_);
-    events = active_[job.id].events;
-    active_[job.id].progress = {};
-    if (finished) active_.erase(job.id);
+void JobRunner::publish(const StoredJob& job, const std::stop_token& stop) {
+  live_.note_progress(job, {.stage = "publish", .fraction = 1.0});
+  JobOutcome outcome;
+  try {
+    outcome = publisher_.publish(job, stop);
+  } catch (const StoreRefusal& error) {
+    if (error.reason() == StoreRefusal::Reason::kNotProcessing) return give_up_publishing(job);
+    return fail(job, error.what());
+  } catch (const DiskFull& error) {
+    return try_again_with_room(job, error.what(), stop);
+  } catch (const maps::InputError& error) {
+    return fail(job, folders_.without_places(error.what()));
+  } catch (const std::exception& error) {
+    spdlog::error("job {}: {}", job.id, error.what());
+    return try_again(job, "it could not be published: " + folders_.without_places(error.what()));
   }
-  events->add(finished ? "end" : "progress", job_event_json(view(job)), unix_ns());
-  if (!finished) return;
-  events->close();
-  spdlog::info("job {} has {}{}{}", job.id, name_of(job.status), job.error.empty() ? "" : ": ",
-               job.error);
-  const double seconds =
-      1e-9 * static_cast<double>(*job.finished_ns - job.started_ns.value_or(*job.finished_ns));
-  setup_.metrics.job_ended(name_of(job.status), seconds);
-  clear_folder(folder(job.id).scratch());
-  quietly("its upload was not cleared", job.id, [&] { clear_uploads(false); });
+  live_.end(setup_.store.jobs().succeed(job.id, outcome.version, unix_ns()));
 }
 
-StoredJob JobRunner::cancel(std::int64_t id) {
-  const std::int64_t now_ns = unix_ns();
-  StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
-  if (job.status == JobStatus::kCanceled) {
-    // Else it had ended before, and was told of and counted then.
-    if (job.finished_ns == now_ns) ended(job);
-    return job;
+/// Because it is cancelled, or to go on when the server starts again.
+void JobRunner::give_up_publishing(const StoredJob& job) {
+  publisher_.remove_mark(job.id);
+  JobTable& jobs = setup_.store.jobs();
+  live_.end(is_canceled(job) ? jobs.end_canceled(job.id, unix_ns())
+                             : jobs.put_back(job.id, "the server was stopped", unix_ns()));
+}
+
+/// For good. One whose version is there has come that far, and says why it went no further.
+void JobRunner::fail(const StoredJob& job, const std::string& why) {
+  JobTable& jobs = setup_.store.jobs();
+  const std::optional<std::string> name = jobs.job(job.id).result_version;
+  const auto version = name ? setup_.store.state().find_version(job.map, *name) : std::nullopt;
+  if (!version) return live_.end(jobs.fail(job.id, why, unix_ns()));
+  publisher_.keep_outcome(job, *version, why);
+  live_.end(jobs.succeed(job.id, version->name, unix_ns()));
+}
+
+/// As often as the options allow; then it has failed.
+void JobRunner::try_again(const StoredJob& job, const std::string& why) {
+  const std::size_t crashes = count_crash(folders_.of(job.id), job);
+  publisher_.remove_mark(job.id);
+  const std::string words = folders_.without_places(why);
+  if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
+    return fail(job, fmt::format("{}, {} times", words, crashes));
+  spdlog::warn("job {} is tried again: {}", job.id, words);
+  live_.end(setup_.store.jobs().put_back(job.id, words, unix_ns()));
+}
+
+/// After a pause, from its last checkpoint. It keeps its turn: jobs behind it would meet the same
+/// full disk.
+void JobRunner::try_again_with_room(const StoredJob& job, const std::string& why,
+                                    const std::stop_token& stop) {
+  publisher_.remove_mark(job.id);
+  const std::string words = folders_.without_places(why);
+  const int times = live_.count_full_disk(job);
+  if (times > kMostTimesFull) {
+    // First of all: the end of a job takes room in the store as well. What the end says stays.
+    clear_folder(folders_.of(job.id).work());
+    clear_folder(folders_.of(job.id).map());
+    return fail(job, fmt::format("{}, {} times", words, times));
   }
-  // None, when it has ended meanwhile: an entry made here would stay, and its events never end. One
-  // that is about to begin looks at the store.
-  const std::scoped_lock lock(mutex_);
-  if (const auto found = active_.find(id); found != active_.end()) found->second.cancel = true;
-  return job;
-}
-
-JobView JobRunner::view(std::int64_t id) const { return view(setup_.store.jobs().job(id)); }
-
-JobView JobRunner::view(const StoredJob& job) const {
-  JobView view{.job = job};
-  if (job.status == JobStatus::kProcessing) {
-    const std::scoped_lock lock(mutex_);
-    const auto found = active_.find(job.id);
-    if (found != active_.end()) view.progress = found->second.progress;
+  spdlog::warn("job {} waits for room on the disk: {}", job.id, words);
+  live_.note_progress(job, {.stage = "wait for room on the disk"});
+  auto pause = setup_.first_pause_when_full;
+  for (int i = 1; i < times; ++i) pause *= kLongerWhenFull;
+  const auto go_on = std::chrono::steady_clock::now() + pause;
+  while (std::chrono::steady_clock::now() < go_on && !stop.stop_requested() && !is_canceled(job)) {
+    std::unique_lock lock(mutex_);
+    changed_.wait_until(lock, stop,
+                        std::min(go_on, std::chrono::steady_clock::now() + kLookAtStore),
+                        [] { return false; });
   }
-  if (job.status == JobStatus::kSucceeded)
-    view.outcome = read_small_file(folder(job.id).outcome()).value_or("");
-  return view;
-}
-
-std::shared_ptr<JobEvents> JobRunner::events(std::int64_t id) {
-  const std::scoped_lock lock(mutex_);
-  // Under the lock: an end that is noted after this look finds the events that are made here.
-  if (is_finished(setup_.store.jobs().job(id).status) && !active_.contains(id)) return nullptr;
-  return active_[id].events;
-}
-
-void JobRunner::clear_forgotten() {
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(root_, error)) {
-    const std::optional<std::int64_t> id = id_in(entry.path().filename().string());
-    if (!id) continue;
-    try {
-      const StoredJob job = setup_.store.jobs().job(*id);
-      if (is_finished(job.status)) clear_folder(folder(*id).scratch());
-    } catch (const StoreRefusal&) {
-      clear_folder(entry.path());
-    }
-  }
+  live_.end(setup_.store.jobs().put_back(job.id, words, unix_ns()));
 }
 
 }  // namespace stillmap::server

@@ -1,4 +1,4 @@
-#include "jobs/job_runner.hpp"
+#include "jobs/job_sources.hpp"
 
 #include <spdlog/spdlog.h>
 
@@ -7,15 +7,33 @@
 
 #include <filesystem>
 #include <optional>
-#include <string>
 
 namespace stillmap::server {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// Where a job reads the version that its map is brought into the frame of: it may be removed
-/// meanwhile, and what is read of it must stay.
+fs::path package_of(const PackageStore& store, const std::string& digest) {
+  return store.folder() / "packages" / digest;
+}
+
+/// Digest of the version whose frame the new map is brought into, where it is brought into one.
+std::optional<std::string> active_digest(const PackageStore& store, const std::string& map,
+                                         const RebuildRequest& request) {
+  if (request.new_frame) return std::nullopt;
+  const std::optional<std::string> active = store.state().map(map).active;
+  if (!active) return std::nullopt;
+  return store.state().version(map, *active).digest;
+}
+
+RebuildSources drives_of(const DriveStore& drives, const RebuildRequest& request) {
+  RebuildSources sources;
+  for (const std::int64_t id : request.drives) sources.drives.push_back(drives.folder(id));
+  if (request.held_back) sources.held_back = drives.folder(*request.held_back);
+  return sources;
+}
+
+/// Where a job reads a package that may be removed meanwhile: what it reads must stay.
 fs::path held(const fs::path& package, const fs::path& folder) {
   if (fs::exists(folder)) return folder;
   try {
@@ -27,8 +45,7 @@ fs::path held(const fs::path& package, const fs::path& folder) {
   return package;
 }
 
-/// As of when the job began: an attempt goes on only with what the one before had, whatever was
-/// activated meanwhile.
+/// As of when the job began: an attempt goes on only with what the one before had.
 fs::path previous_of(const JobFolder& folder, const PackageStore& store,
                      const std::string& active) {
   const fs::path own = folder.scratch() / "previous-map";
@@ -37,21 +54,24 @@ fs::path previous_of(const JobFolder& folder, const PackageStore& store,
   if (!goes_on) clear_folder(own);
   const std::string digest = goes_on ? *noted : active;
   write_small_file(folder.previous(), digest);
-  return held(store.folder() / "packages" / digest, own);
+  return held(package_of(store, digest), own);
 }
 
 }  // namespace
 
-RebuildSources JobRunner::sources_of(const StoredJob& job, const RebuildRequest& request) const {
-  RebuildSources sources;
-  for (const std::int64_t id : request.drives) sources.drives.push_back(setup_.drives.folder(id));
-  if (request.held_back) sources.held_back = setup_.drives.folder(*request.held_back);
-  if (request.new_frame) return sources;
-  const StoredMap map = setup_.store.state().map(job.map);
-  if (!map.active) return sources;
-  const std::string active = setup_.store.state().version(map.name, *map.active).digest;
-  sources.previous = job.id > 0 ? previous_of(folder(job.id), setup_.store, active)
-                                : setup_.store.folder() / "packages" / active;
+RebuildSources sources_now(const JobSetup& setup, const std::string& map,
+                           const RebuildRequest& request) {
+  RebuildSources sources = drives_of(setup.drives, request);
+  if (const auto active = active_digest(setup.store, map, request))
+    sources.previous = package_of(setup.store, *active);
+  return sources;
+}
+
+RebuildSources sources_of_job(const JobSetup& setup, const std::string& map,
+                              const RebuildRequest& request, const JobFolder& folder) {
+  RebuildSources sources = drives_of(setup.drives, request);
+  if (const auto active = active_digest(setup.store, map, request))
+    sources.previous = previous_of(folder, setup.store, *active);
   return sources;
 }
 

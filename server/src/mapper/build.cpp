@@ -207,6 +207,15 @@ std::filesystem::path journal_of(const std::filesystem::path& map) {
   return folder.parent_path() / ("." + folder.filename().string() + ".partial") / "journal";
 }
 
+/// The file exists once the poses are kept; before that, nothing that takes long is.
+command_line::WhenCancelled when_cancelled(const std::filesystem::path& map) {
+  const std::filesystem::path journal = journal_of(map);
+  command_line::WhenCancelled words = command_line::goes_on_from(journal);
+  words.kept = journal / "survey.journal";
+  words.if_not = "no stage is finished yet; the same command starts anew";
+  return words;
+}
+
 void build(BuildCommand& asked, const CLI::App& command) {
   resolve_options(asked.arguments, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
@@ -223,7 +232,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
   }
   std::vector<mapping::StageShare> plan = mapping::build_stages(options.register_to.has_value());
   plan.push_back({"index", 0.01});
-  command_line::say_when_cancelled(command_line::goes_on_from(journal_of(asked.map)));
+  command_line::say_when_cancelled(when_cancelled(asked.map));
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
     result = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
                                 mapping::make_reference_cleaner);
@@ -394,6 +403,10 @@ void resolve_options(BuildArguments& arguments, const CLI::App& command) {
   if (given("--clean")) options.clean = clean;
   if (given("--ground-height"))
     options.projection.ground_height = mapping::ground_height_from(arguments.ground_height);
+  if (options.edits_file && !options.fusion)
+    throw std::invalid_argument(
+        "--edits needs --fusion on (--preset paper turns it off); give --fusion on, or leave out "
+        "--edits");
   if (given("--fill") && options.fill && !options.fills_ground())
     throw std::invalid_argument(
         "--fill on needs --fusion on and --movable project; give both, or leave out --fill");

@@ -11,6 +11,7 @@
 #include <exception>
 #include <new>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <utility>
 
@@ -32,6 +33,14 @@ void write_if_there_is_room(int fd, std::string_view line) {
   // Shorter than PIPE_BUF, so a pipe takes it whole.
   while (::write(fd, line.data(), line.size()) < 0 && errno == EINTR) {
   }
+}
+
+/// A rebuild makes two maps; "keep" alone does not say which.
+std::string stage_words(std::string_view stage) {
+  constexpr std::string_view kKeep = "keep: ";
+  const bool is_of_keep = stage.starts_with(kKeep);
+  return is_of_keep ? fmt::format("map to compare with: {}", stage.substr(kKeep.size()))
+                    : std::string(stage);
 }
 
 void run_with_lines(int fd, std::vector<mapping::StageShare> plan,
@@ -79,7 +88,7 @@ void run_with_progress(const ProgressArguments& arguments, std::vector<mapping::
   command_line::end_soon_when_cancelled(-1, {});
   command_line::ProgressBar bar;
   work([&bar](std::string_view stage, std::size_t done, std::size_t total) {
-    bar.update(stage, done, total);
+    bar.update(stage_words(stage), done, total);
   });
 }
 

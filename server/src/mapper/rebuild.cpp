@@ -98,7 +98,7 @@ void rebuild(RebuildCommand& asked, const CLI::App& command) {
                       asked.json.write(json.dump(2));
                     });
   if (!asked.json.replaces_text()) print_for_people(result, asked);
-  if (!result.verdict.passed) throw command_line::ExitCode{command_line::kGateNotPassed};
+  if (!result.verdict.passed) throw command_line::ExitCode{exit_code::kGateNotPassed};
 }
 
 }  // namespace

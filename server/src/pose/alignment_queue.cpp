@@ -25,7 +25,8 @@ double seconds_of_clock(AlignmentQueue::Clock::time_point from,
 
 ApiError late() { return {ErrorCode::kDeadlineExceeded, "waited for a worker until the deadline"}; }
 ApiError superseded() {
-  return {ErrorCode::kSuperseded, "a newer scan of the session took this one's place"};
+  return {ErrorCode::kSuperseded,
+          "a newer scan of the session took this one's place; do not send it again"};
 }
 
 }  // namespace
@@ -137,9 +138,10 @@ void AlignmentQueue::require_fit(const Work& work, Clock::time_point order, doub
   if (!placed) fit = fit && fits(work, work.deadline, ahead, now);
   if (fit || !anyone) return;
   ++totals_.refused_busy;
-  throw ApiError(ErrorCode::kBusy,
-                 "the work that waits would not leave this request in time, or "
-                 "this one would make another late")
+  throw ApiError(
+      ErrorCode::kBusy,
+      "overloaded: this request cannot finish before its deadline, or would make another one miss "
+      "its own; send it again after Retry-After, or with a longer deadline_ms")
       .with_header("Retry-After", retry_after(now));
 }
 
@@ -155,8 +157,11 @@ AlignmentQueue::Reservation AlignmentQueue::reserve(const std::string& client, s
                          bytes <= limits_.body_bytes && body_bytes_ <= limits_.body_bytes - bytes;
   if (full || !unbounded) {
     ++totals_.refused_busy;
-    throw ApiError(ErrorCode::kBusy, full ? "all workers are busy and the queue is full"
-                                          : "too many requests are being received")
+    throw ApiError(
+        ErrorCode::kBusy,
+        full
+            ? "all workers are busy and the queue is full; send the request again after Retry-After"
+            : "too many requests are being received; send the request again after Retry-After")
         .with_header("Retry-After", retry_after(now));
   }
   require_fit(work, work.place.value_or(work.deadline), imminent, now);
@@ -215,7 +220,9 @@ AlignmentQueue::Ticket AlignmentQueue::enter(const Reservation& reservation, con
   }
   if (static_cast<int>(waiting_.size()) >= limits_.waiting) {
     ++totals_.refused_busy;
-    throw ApiError(ErrorCode::kBusy, "all workers are busy and the queue is full")
+    throw ApiError(
+        ErrorCode::kBusy,
+        "all workers are busy and the queue is full; send the request again after Retry-After")
         .with_header("Retry-After", retry_after(now));
   }
   Waiting waiting{.order = std::min(work.deadline, work.place.value_or(work.deadline)),

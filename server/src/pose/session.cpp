@@ -1,6 +1,6 @@
 #include "pose/session.hpp"
 
-#include "pose/session_event_json.hpp"
+#include "json/json_values.hpp"
 
 #include <stillmap/maps/map_package.hpp>
 
@@ -15,6 +15,20 @@ namespace {
 Session::Name with_label(Session::Name name) {
   if (name.label.empty()) name.label = maps::sha256_of(name.id).substr(0, 12);
   return name;
+}
+
+std::string status_event_json(const localization::TrackedPose& pose) {
+  return to_text(Json{{"status", localization::name_of(pose.result.status)},
+                      {"reasons", localization::names_of(pose.result.reasons)},
+                      {"stamp_ns", std::to_string(pose.stamp_ns)}});
+}
+
+std::string version_event_json(const std::string& map, const std::string& version) {
+  return to_text(Json{{"map", map}, {"version", version}});
+}
+
+std::string closed_event_json(const std::string& reason) {
+  return to_text(Json{{"reason", reason}});
 }
 
 }  // namespace

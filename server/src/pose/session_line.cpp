@@ -12,10 +12,11 @@ SessionLine::Scan::Scan(SessionLine& line, std::int64_t stamp_ns, Clock::time_po
   check();
   if (Scan* const other = line_.waiting_; other != nullptr) {
     if (other->stamp_ns_ > stamp_ns_) {
-      throw ApiError(ErrorCode::kSuperseded, "a newer scan of the session is waiting");
+      throw ApiError(ErrorCode::kSuperseded,
+                     "a newer scan of the session is waiting; do not send this one again");
     }
     place_ = std::min(deadline_, other->place_);
-    line_.supersede("a newer scan of the session took this one's place");
+    line_.supersede("a newer scan of the session took this one's place; do not send it again");
   }
   line_.waiting_ = this;
 }
@@ -67,7 +68,7 @@ void SessionLine::Scan::begin() {
 SessionLine::Pause::Pause(SessionLine& line) : line_(line) {
   std::unique_lock lock(line_.mutex_);
   ++line_.pauses_;
-  line_.supersede("the session was told anew where it is");
+  line_.supersede("the session was initialized meanwhile; do not send this scan again");
   line_.changed_.wait(lock, [this] { return !line_.aligning_; });
 }
 

@@ -57,7 +57,8 @@ void refuse_other_hosts(const HttpRequest& request) {
       bracketed ? host.substr(1, host.find(']') - 1) : host.substr(0, host.find(':'));
   if (host.empty() || is_loopback(name)) return;
   throw field_error(ErrorCode::kForbidden, "Host", "'" + host + "'",
-                    "localhost or a loopback address, since the store has no keys");
+                    "localhost or a loopback address, since the store has no keys: use one of "
+                    "these, or make a key (stillmap keys create)");
 }
 
 /// Any of them will do.

@@ -111,12 +111,11 @@ class Parts {
 
 }  // namespace
 
-ExtractedArchive extract_archive(const ByteSource& source, const std::string& name,
-                                 const fs::path& target, const ArchiveLimits& limits,
+ExtractedArchive extract_archive(const IncomingArchive& archive, const fs::path& target,
                                  DiskCalls& calls) {
   const DurableFiles disk(calls);
   TargetFolder folder(target, disk);
-  const ArchiveFiles found = unpack_archive(source, name, folder.path(), limits, disk, false);
+  const ArchiveFiles found = unpack_archive(archive, folder.path(), disk, /*hashed=*/false);
   folder.sync(found.folders);
   folder.keep();
   return found.archive;
@@ -128,16 +127,16 @@ ByteSource concatenated(std::vector<fs::path> files) {
   };
 }
 
-ExtractedDrive extract_drive(const ByteSource& source, const std::string& name,
-                             const fs::path& target, const ArchiveLimits& limits,
+ExtractedDrive extract_drive(const IncomingArchive& archive, const fs::path& target,
                              DiskCalls& calls) {
   const DurableFiles disk(calls);
   TargetFolder folder(target, disk);
-  const ArchiveFiles found = unpack_archive(source, name, folder.path(), limits, disk, false);
+  const ArchiveFiles found = unpack_archive(archive, folder.path(), disk, /*hashed=*/false);
   ExtractedDrive drive{.root = drive_root(folder.path()), .archive = found.archive};
   const maps::Drive opened = maps::Drive::open(drive.root);
   if (opened.size() == 0)
-    throw maps::InputError(name, "a drive without scans", "one scan at least");
+    throw maps::InputError(archive.name, "a drive without scans",
+                           "one scan at least: pack the folder that holds the scans");
   drive.layout = opened.contents().layout;
   drive.scans = opened.size();
   folder.sync(found.folders);

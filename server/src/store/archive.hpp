@@ -35,6 +35,14 @@ struct ArchiveLimits {
   std::size_t depth = 8;
 };
 
+/// A tar from outside, on its way in.
+struct IncomingArchive {
+  ByteSource source;
+  /// For messages.
+  std::string name;
+  ArchiveLimits limits{};
+};
+
 /// What lies in a folder now.
 struct ExtractedArchive {
   std::uint64_t files = 0;
@@ -51,12 +59,11 @@ struct ExtractedArchive {
 /// Only regular files and folders; names of printable ASCII without backslashes, "." and "..",
 /// relative, each once. Owners, modes and times of the archive are ignored. What follows the end of
 /// the archive must be zeros.
-/// @param name  of the archive, for messages.
 /// @throws InputError naming archive and entry for anything else, for a truncated archive and what
 /// is beyond a limit; StorageError; std::invalid_argument for a broken limit. Nothing of the folder
 /// is left then (but after a kill: give it a name that is cleared).
-ExtractedArchive extract_archive(const ByteSource& source, const std::string& name,
-                                 const std::filesystem::path& target, const ArchiveLimits& limits,
+ExtractedArchive extract_archive(const IncomingArchive& archive,
+                                 const std::filesystem::path& target,
                                  DiskCalls& calls = DiskCalls::real());
 
 /// One after the other as if they were one file. Only one is open at a time.
@@ -73,8 +80,7 @@ struct ExtractedDrive {
 
 /// As `extract_archive`, of an archive that holds one drive.
 /// @throws also InputError when `Drive` cannot open it or it has no scan.
-ExtractedDrive extract_drive(const ByteSource& source, const std::string& name,
-                             const std::filesystem::path& target, const ArchiveLimits& limits,
+ExtractedDrive extract_drive(const IncomingArchive& archive, const std::filesystem::path& target,
                              DiskCalls& calls = DiskCalls::real());
 
 }  // namespace stillmap::server

@@ -102,13 +102,13 @@ class Extraction {
 
 }  // namespace
 
-ArchiveFiles unpack_archive(const ByteSource& source, const std::string& name,
-                            const fs::path& empty, const ArchiveLimits& limits,
+ArchiveFiles unpack_archive(const IncomingArchive& archive, const fs::path& empty,
                             const DurableFiles& disk, bool hashed) {
+  const ArchiveLimits& limits = archive.limits;
   check_limits(limits);
   ArchiveFiles found;
-  Unpacker unpacker(source, name, limits);
-  TarReader tar(unpacker, name, limits);
+  Unpacker unpacker(archive.source, archive.name, limits);
+  TarReader tar(unpacker, archive.name, limits);
   Extraction(tar, empty, limits, disk, found).run(hashed);
   found.archive.packed_bytes = unpacker.packed_bytes();
   found.archive.sha256 = unpacker.sha256();

@@ -22,8 +22,7 @@ struct ArchiveFiles {
 /// Folders are not synced.
 /// @param hashed  whether the files' SHA-256 is taken. Then they are not synced either: whoever
 /// looks at the hashes knows which files stay (`keep_package`).
-ArchiveFiles unpack_archive(const ByteSource& source, const std::string& name,
-                            const std::filesystem::path& empty, const ArchiveLimits& limits,
+ArchiveFiles unpack_archive(const IncomingArchive& archive, const std::filesystem::path& empty,
                             const DurableFiles& disk, bool hashed);
 
 }  // namespace stillmap::server

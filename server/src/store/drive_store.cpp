@@ -9,7 +9,6 @@
 #include <exception>
 #include <vector>
 
-#include "store/drive_words.hpp"
 #include "store/durable_files.hpp"
 #include "store/store_folder.hpp"
 
@@ -39,7 +38,7 @@ bool has_part(const std::vector<DrivePart>& parts, std::int64_t n) {
 void refuse_if_not_open(const StoredDrive& drive) {
   if (drive.status == DriveStatus::kOpen) return;
   throw StoreRefusal(StoreRefusal::Reason::kDriveNotOpen,
-                     described(drive) + " is " + std::string(name_of(drive.status)));
+                     drive_name(drive) + " is " + std::string(name_of(drive.status)));
 }
 
 void refuse_if_too_large(const StoredDrive& drive, std::uint64_t bytes, std::uint64_t most,
@@ -122,12 +121,12 @@ fs::path DriveStore::make_incoming(std::int64_t id) {
   return parts / (kIncoming + std::to_string(incoming_++));
 }
 
-DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uint64_t bytes,
-                                       const ByteSource& source,
-                                       const std::optional<std::string>& sha256,
+DriveStore::Added DriveStore::add_part(std::int64_t id, const IncomingPart& wanted,
                                        const Limits& limits) {
   const StoredDrive drive = store_.drives().drive(id);
-  const std::string name = described(drive) + " part " + std::to_string(n);
+  const std::int64_t n = wanted.n;
+  const std::uint64_t bytes = wanted.bytes;
+  const std::string name = drive_name(drive) + " part " + std::to_string(n);
   if (n < 1 || n > DriveTable::kMostParts)
     throw std::invalid_argument(name + ": 1 to " + std::to_string(DriveTable::kMostParts));
   if (!has_part(store_.drives().parts(id), n)) {
@@ -139,10 +138,11 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, std::int64_t n, std::uin
   const Leftover leftover(incoming, files);
   const DrivePart part{
       .n = n,
-      .sha256 = receive_file(store_.leaving_reserve(source), bytes, incoming, name, *calls_),
+      .sha256 = receive_file(store_.leaving_reserve(wanted.source), bytes, incoming, name, *calls_),
       .bytes = bytes};
-  if (sha256 && *sha256 != part.sha256)
-    throw maps::InputError(name, "SHA-256 " + part.sha256, *sha256 + " as announced");
+  if (wanted.sha256 && *wanted.sha256 != part.sha256)
+    throw maps::InputError(name, "SHA-256 " + part.sha256,
+                           *wanted.sha256 + " as announced: send the part again");
   const Busy busy(*this, id);
   const StoredDrive now = store_.drives().drive(id);
   refuse_if_not_open(now);
@@ -227,9 +227,9 @@ void DriveStore::extract(std::int64_t id, const Limits& limits) {
   if (is_there(folder(id))) files.remove_tree(folder(id));
   const fs::path unpacked = home(id) / kUnpackedName;
   if (is_there(unpacked)) files.remove_tree(unpacked);
-  const ExtractedDrive drive =
-      extract_drive(store_.leaving_reserve(concatenated(parts)), "drive " + std::to_string(id),
-                    unpacked, limits.archive, *calls_);
+  const ExtractedDrive drive = extract_drive(
+      {store_.leaving_reserve(concatenated(parts)), "drive " + std::to_string(id), limits.archive},
+      unpacked, *calls_);
   // What a drive has beside it stays beside it.
   const fs::path beside = drive.root.parent_path() / kKittiCalibration;
   if (drive.root != unpacked && is_there(beside))

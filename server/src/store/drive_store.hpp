@@ -41,14 +41,19 @@ class DriveStore {
     /// False when the same part was there already.
     bool is_new = false;
   };
+  struct IncomingPart {
+    std::int64_t n = 0;
+    /// How many there are.
+    std::uint64_t bytes = 0;
+    ByteSource source;
+    /// Lower-case hex, where that is known.
+    std::optional<std::string> sha256{};
+  };
   /// Keeps one part of the drive's archive.
-  /// @param bytes   how many there are.
-  /// @param sha256  of the part, lower-case hex, where that is known.
   /// @throws StoreRefusal kUnknownDrive, kDriveNotOpen, kOtherDigest, kOverQuota; InputError for
   /// another SHA-256, fewer or more bytes, or too many in all; std::invalid_argument for a number
   /// beyond `DriveTable::kMostParts`.
-  Added add_part(std::int64_t id, std::int64_t n, std::uint64_t bytes, const ByteSource& source,
-                 const std::optional<std::string>& sha256, const Limits& limits);
+  Added add_part(std::int64_t id, const IncomingPart& wanted, const Limits& limits);
 
   /// Unpacks the parts, one after the other a tar (plain, gzip or zstd) of one drive, and lets go
   /// of them. What is complete already stays so.

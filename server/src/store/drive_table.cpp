@@ -4,7 +4,6 @@
 
 #include <stdexcept>
 
-#include "store/drive_words.hpp"
 #include "store/map_rows.hpp"
 #include "store/store_database.hpp"
 
@@ -54,7 +53,7 @@ StoredDrive open_drive(SqliteDatabase& database, std::int64_t id) {
   StoredDrive drive = known_drive(database, id);
   if (drive.status != DriveStatus::kOpen)
     throw StoreRefusal(Reason::kDriveNotOpen,
-                       described(drive) + " is " + std::string(name_of(drive.status)));
+                       drive_name(drive) + " is " + std::string(name_of(drive.status)));
   return drive;
 }
 
@@ -88,8 +87,9 @@ void check_no_gap(SqliteDatabase& database, const StoredDrive& drive) {
   const std::int64_t count = row.integer(0);
   if (count > 0 && count == row.integer(1)) return;
   throw StoreRefusal(Reason::kPartsMissing,
-                     described(drive) + " has " + std::to_string(count) +
-                         (count == 0 ? " parts" : " parts up to number " + row.text(1)));
+                     drive_name(drive) + " has " + std::to_string(count) +
+                         (count == 0 ? " parts" : " parts up to number " + row.text(1)) +
+                         ": send the missing ones");
 }
 
 void refuse_if_read(SqliteDatabase& database, std::int64_t id) {
@@ -97,11 +97,15 @@ void refuse_if_read(SqliteDatabase& database, std::int64_t id) {
                       "SELECT j.id FROM job_drives d JOIN jobs j ON j.id = d.job WHERE d.drive = ?"
                       " AND j.status IN ('enqueued', 'processing')");
   if (row.bind(id).step())
-    throw StoreRefusal(Reason::kInUse,
-                       "drive " + std::to_string(id) + " is read by job " + row.text(0));
+    throw StoreRefusal(Reason::kInUse, "drive " + std::to_string(id) + " is read by job " +
+                                           row.text(0) + ": wait for its end or cancel it");
 }
 
 }  // namespace
+
+std::string drive_name(const StoredDrive& drive) {
+  return (drive.is_upload() ? "upload " : "drive ") + std::to_string(drive.id);
+}
 
 std::string_view name_of(DriveStatus status) {
   switch (status) {
@@ -161,10 +165,11 @@ bool DriveTable::add_part(std::int64_t id, const DrivePart& part, const StoreQuo
     if (row.bind(id).bind(part.n).step()) {
       if (row.text(0) == part.sha256) return false;
       throw StoreRefusal(Reason::kOtherDigest, "part " + std::to_string(part.n) + " of " +
-                                                   described(drive) + " is " + row.text(0));
+                                                   drive_name(drive) + " is " + row.text(0) +
+                                                   " already: send the next part");
     }
   }
-  refuse_over_quota(database, quota, drive.map, part.bytes, {});
+  refuse_over_quota(database, quota, {drive.map, part.bytes});
   SqliteStatement(database, "INSERT INTO drive_parts VALUES (?, ?, ?, ?)")
       .bind(id)
       .bind(part.n)

@@ -57,6 +57,8 @@ struct StoredDrive {
   [[nodiscard]] bool is_upload() const { return !target.version.empty(); }
   auto operator<=>(const StoredDrive&) const = default;
 };
+/// "drive 3" or "upload 3", as refusals name it.
+[[nodiscard]] std::string drive_name(const StoredDrive& drive);
 
 /// Uploaded drives of a store, and versions on their way in; their bytes lie where the caller keeps
 /// them, synced before the row that says so is made, and are cleared after the row is gone. What

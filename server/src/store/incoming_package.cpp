@@ -30,7 +30,7 @@ std::string find_root(const ArchiveFiles& found, const std::string& name) {
   }
   if (roots.size() == 1) return roots.front();
   throw maps::InputError(name, roots.empty() ? "no manifest.json" : "several map packages",
-                         "one map package, by itself or in one folder");
+                         "one map package, by itself or in one folder: pack that folder");
 }
 
 void check_size(const std::string& place, std::uint64_t bytes, std::uint64_t most) {
@@ -43,13 +43,15 @@ void check_listed(const std::string& path, const maps::MapManifest::File& listed
                   const std::string& root, const ArchiveFiles& found, const std::string& name) {
   const std::string place = name + ": " + path;
   const auto at = found.files.find(root + path);
-  if (at == found.files.end()) throw maps::InputError(place, "nothing", "a file of the package");
+  if (at == found.files.end())
+    throw maps::InputError(place, "nothing", "a file of the package: pack or copy it whole");
   if (at->second.bytes != listed.bytes)
-    throw maps::InputError(place, std::to_string(at->second.bytes) + " bytes",
-                           std::to_string(listed.bytes) + " as in manifest.json");
+    throw maps::InputError(
+        place, std::to_string(at->second.bytes) + " bytes",
+        std::to_string(listed.bytes) + " as in manifest.json: pack or copy it again");
   if (at->second.sha256 != listed.sha256)
     throw maps::InputError(place, "SHA-256 " + at->second.sha256,
-                           listed.sha256 + " as in manifest.json");
+                           listed.sha256 + " as in manifest.json: pack or copy it again");
 }
 
 /// Removes all but these files, and folders that hold none of them.

@@ -27,10 +27,10 @@ bool has_package(SqliteDatabase& database, std::string_view map, std::string_vie
 void refuse_over(std::optional<std::uint64_t> limit, std::uint64_t used, std::uint64_t more,
                  const std::string& whose) {
   if (!limit || (used <= *limit && more <= *limit - used)) return;
-  throw StoreRefusal(Reason::kOverQuota, whose + " holds " + std::to_string(used) +
-                                             " bytes and may hold " + std::to_string(*limit) +
-                                             "; there is no room for " + std::to_string(more) +
-                                             " more");
+  throw StoreRefusal(Reason::kOverQuota,
+                     whose + " holds " + std::to_string(used) + " bytes and may hold " +
+                         std::to_string(*limit) + "; there is no room for " + std::to_string(more) +
+                         " more: remove versions or drives, or raise the quota");
 }
 
 }  // namespace
@@ -96,14 +96,13 @@ std::uint64_t bytes_of(SqliteDatabase& database, const std::optional<std::string
   return static_cast<std::uint64_t>(sum.integer(0));
 }
 
-void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, std::string_view map,
-                       std::uint64_t more_bytes, std::string_view digest,
-                       const WaitingBytes& waiting) {
-  if (quota.map_bytes && !has_package(database, map, digest))
-    refuse_over(quota.map_bytes, bytes_of(database, std::string(map)) + waiting.of_map, more_bytes,
-                "map " + in_quotes(map));
-  if (quota.store_bytes && !is_used(database, digest))
-    refuse_over(quota.store_bytes, bytes_of(database, {}) + waiting.of_store, more_bytes,
+void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, const Arrival& arrival) {
+  const std::string_view map = arrival.map;
+  if (quota.map_bytes && !has_package(database, map, arrival.digest))
+    refuse_over(quota.map_bytes, bytes_of(database, std::string(map)) + arrival.waiting.of_map,
+                arrival.bytes, "map " + in_quotes(map));
+  if (quota.store_bytes && !is_used(database, arrival.digest))
+    refuse_over(quota.store_bytes, bytes_of(database, {}) + arrival.waiting.of_store, arrival.bytes,
                 "the store");
 }
 

@@ -35,9 +35,15 @@ void condemn_unused(SqliteDatabase& database, std::string_view digest);
 /// Of packages and drives; of the whole store when the map is nothing.
 [[nodiscard]] std::uint64_t bytes_of(SqliteDatabase& database,
                                      const std::optional<std::string>& map);
-/// As `StoreState::check_quota`. @param digest  of a package, which may be there already.
-void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, std::string_view map,
-                       std::uint64_t more_bytes, std::string_view digest,
-                       const WaitingBytes& waiting = {});
+/// Bytes that are to come into a map.
+struct Arrival {
+  std::string_view map;
+  std::uint64_t bytes = 0;
+  /// Of a package, which may be there already; empty when it is none.
+  std::string_view digest{};
+  WaitingBytes waiting{};
+};
+/// As `StoreState::check_quota`.
+void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, const Arrival& arrival);
 
 }  // namespace stillmap::server

@@ -30,8 +30,10 @@ class Source {
         descriptor_(::open(file_.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC)) {
     if (descriptor_ < 0) {
       if (errno == ENOENT || errno == ENOTDIR)
-        throw maps::InputError(file_.string(), "nothing", "a file of the package");
-      if (errno == ELOOP) throw maps::InputError(file_.string(), "a link", "a regular file");
+        throw maps::InputError(file_.string(), "nothing", "a file of the package: copy it whole");
+      if (errno == ELOOP)
+        throw maps::InputError(file_.string(), "a link",
+                               "a regular file: copy it in place of the link");
       throw maps::StorageError(file_.string(), std::strerror(errno));
     }
     struct stat status {};
@@ -83,10 +85,10 @@ void copy_listed(const fs::path& from, const fs::path& to, const maps::MapManife
   const maps::MapManifest::File copied = copy_file(from, to, listed.bytes, files);
   if (copied.bytes != listed.bytes)
     throw maps::InputError(from.string(), std::to_string(copied.bytes) + " bytes",
-                           std::to_string(listed.bytes) + " as in manifest.json");
+                           std::to_string(listed.bytes) + " as in manifest.json: copy it again");
   if (copied.sha256 != listed.sha256)
     throw maps::InputError(from.string(), "SHA-256 " + copied.sha256,
-                           listed.sha256 + " as in manifest.json");
+                           listed.sha256 + " as in manifest.json: copy it again");
 }
 
 /// Every folder that a listed file lies in, those above before those below.

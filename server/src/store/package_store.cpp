@@ -5,11 +5,8 @@
 #include "store/map_name.hpp"
 
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
-#include <exception>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -42,12 +39,6 @@ void check_readable(const fs::path& folder) {
   (void)maps::read_map_graph(*package);
 }
 
-std::string problems_text(const std::vector<std::string>& files) {
-  std::string text = "not what the manifest says:";
-  for (const std::string& file : files) text += " " + file;
-  return text;
-}
-
 void refuse_unwanted(const std::optional<PackageStore::Maker>& maker) {
   if (!maker || !maker->is_unwanted || !maker->is_unwanted()) return;
   throw StoreRefusal(
@@ -57,56 +48,10 @@ void refuse_unwanted(const std::optional<PackageStore::Maker>& maker) {
 
 }  // namespace
 
-/// A folder in `packages/` that is being filled, locked against `clear_leftovers`.
-class PackageStore::Incoming {
- public:
-  /// Under the store's lock.
-  Incoming(const fs::path& packages, DurableFiles files) : files_(files) {
-    static std::atomic<unsigned> count{0};
-    do path_ = packages / (kIncoming + std::to_string(::getpid()) + "-" + std::to_string(count++));
-    while (!files_.make_folder(path_));
-    lock_ = FolderLock::try_folder(path_);
-  }
-  ~Incoming() {
-    if (!lock_ || stays_) return;
-    try {
-      files_.remove_tree(path_);
-    } catch (const std::exception&) {
-      // The error that brought us here says more; the next open clears the folder.
-    }
-  }
-  Incoming(const Incoming&) = delete;
-  Incoming& operator=(const Incoming&) = delete;
-
-  [[nodiscard]] const fs::path& path() const { return path_; }
-  /// A package that lies there already is replaced in one step, and goes with this.
-  /// @param package  this folder, or one in it; then the rest goes with this.
-  void publish(const fs::path& package, const fs::path& target) {
-    if (!is_there(target)) {
-      files_.rename(package, target);
-      stays_ = package == path_;
-      return;
-    }
-    files_.exchange(package, target);
-    // Until it is sure to last, a power cut may bring the other one back, so it must not be
-    // emptied.
-    stays_ = true;
-    files_.sync_folder(target.parent_path());
-    stays_ = false;
-  }
-
- private:
-  DurableFiles files_;
-  fs::path path_;
-  std::optional<FolderLock> lock_;
-  /// Published, or not to be touched.
-  bool stays_ = false;
-};
-
 PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
     : folder_(fs::absolute(folder).lexically_normal()),
-      packages_(folder_ / kPackagesName),
-      calls_(&calls) {
+      calls_(&calls),
+      packages_(folder_ / kPackagesName, calls) {
   if (is_there(folder_ / kBackupMark))
     throw maps::InputError(folder_.string(), "a backup of a store",
                            "a store: restore it elsewhere");
@@ -116,7 +61,7 @@ PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
     refuse_lost_state();
     const DurableFiles files(calls);
     // Before the state: where there is a state, there is a folder for its packages.
-    if (files.make_folder(packages_)) files.sync_folder(folder_);
+    if (files.make_folder(packages_.path())) files.sync_folder(folder_);
   } catch (const maps::StorageError& error) {
     open_read_only(error);
     return;
@@ -125,7 +70,7 @@ PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
   if (!read_only_because().empty()) return;
   try {
     clear_condemned();
-    clear_leftovers();
+    packages_.clear_leftovers();
   } catch (const maps::StorageError& error) {
     // A full or failing disk must not keep maps from being served.
     not_cleared_because_ = error.what();
@@ -198,23 +143,21 @@ void PackageStore::refuse_lost_state() const {
   std::error_code error;
   const fs::path file = folder_ / kStateName;
   if (is_there(file) && fs::file_size(file, error) > 0) return;
-  if (!is_there(packages_)) return;
+  if (!is_there(packages_.path())) return;
   // Also what a restore left that came no further.
-  if (folders_in(packages_).empty()) return;
+  if (folders_in(packages_.path()).empty()) return;
   throw maps::InputError(file.string(), "nothing, though there are packages beside it",
                          "the state that names them: put it back, or move the packages away");
 }
 
-fs::path PackageStore::package_folder(std::string_view digest) const { return packages_ / digest; }
-
 std::shared_ptr<const maps::MapPackage> PackageStore::open(std::string_view map,
                                                            std::string_view version) const {
-  return maps::MapPackage::open(package_folder(state_->version(map, version).digest));
+  return maps::MapPackage::open(packages_.path_of(state_->version(map, version).digest));
 }
 
 std::uint64_t PackageStore::copy_of(std::string_view map, std::string_view version) const {
   struct stat found {};
-  const fs::path folder = package_folder(state_->version(map, version).digest);
+  const fs::path folder = packages_.path_of(state_->version(map, version).digest);
   return ::stat(folder.c_str(), &found) == 0 ? static_cast<std::uint64_t>(found.st_ino) : 0;
 }
 
@@ -233,18 +176,19 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   // Before gigabytes are copied.
   state_->check_version(map, wanted, quota());
   const auto known = state_->find_version(map, version);
-  const bool whole = has_whole(wanted.digest);
+  const bool whole = packages_.has_whole(wanted.digest);
   if (known && whole && !maker) return {*known, false};
   const DurableFiles files(*calls_);
   std::optional<FolderLock> lock(locked());
   const auto job = maker ? std::optional(maker->job) : std::nullopt;
-  if (whole && is_there(package_folder(wanted.digest))) return commit(map, wanted, job);
-  Incoming incoming(packages_, files);
+  if (whole && packages_.has(wanted.digest)) return commit(map, wanted, job);
+  PackageFolder::Incoming incoming(packages_, files);
   lock.reset();
   const CopiedPackage copied =
       copy_package(package, incoming.path(), files, [&] { refuse_unwanted(maker); });
   if (copied.digest != wanted.digest)
-    throw maps::InputError(manifest_file.string(), "a file that changes", "one that does not");
+    throw maps::InputError(manifest_file.string(), "a file that changes",
+                           "one that does not: add it when its writer has ended");
   check_readable(incoming.path());
   lock.emplace(locked());
   refuse_unwanted(maker);
@@ -252,34 +196,34 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
 }
 
 PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_view version,
-                                              const ByteSource& source, const std::string& archive,
-                                              const ArchiveLimits& limits,
+                                              const IncomingArchive& archive,
                                               const std::optional<std::string>& sha256) {
   check_name("map", map);
   check_name("version", version);
   const DurableFiles files(*calls_);
   std::optional<FolderLock> lock(locked());
-  Incoming incoming(packages_, files);
+  PackageFolder::Incoming incoming(packages_, files);
   lock.reset();
   const ArchiveFiles found =
-      unpack_archive(leaving_reserve(source), archive, incoming.path(), limits, files,
-                     /*hashed=*/true);
+      unpack_archive({leaving_reserve(archive.source), archive.name, archive.limits},
+                     incoming.path(), files, /*hashed=*/true);
   if (sha256 && *sha256 != found.archive.sha256)
-    throw maps::InputError(archive, "SHA-256 " + found.archive.sha256, *sha256 + " as announced");
-  const IncomingPackage package = keep_package(incoming.path(), found, archive, files);
+    throw maps::InputError(archive.name, "SHA-256 " + found.archive.sha256,
+                           *sha256 + " as announced: send it again");
+  const IncomingPackage package = keep_package(incoming.path(), found, archive.name, files);
   StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
   wanted.bytes = package.package.bytes;
   wanted.created_ns = now_ns();
   check_readable(package.folder);
-  const bool whole = has_whole(wanted.digest);
+  const bool whole = packages_.has_whole(wanted.digest);
   lock.emplace(locked());
-  if (whole && is_there(package_folder(wanted.digest))) return commit(map, wanted);
+  if (whole && packages_.has(wanted.digest)) return commit(map, wanted);
   return publish(incoming, package.folder, map, wanted);
 }
 
 std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
                                                       std::string_view version) const {
-  return std::make_unique<PackageArchive>(package_folder(state_->version(map, version).digest));
+  return std::make_unique<PackageArchive>(packages_.path_of(state_->version(map, version).digest));
 }
 
 std::string PackageStore::damage_of(const PackageArchive& archive) const {
@@ -300,36 +244,20 @@ std::string PackageStore::damage_of(const PackageArchive& archive) const {
   return damaged;
 }
 
-/// What is wrong with the package in the place of this digest; empty when it is whole. Reads all.
-std::string PackageStore::damage_of(const std::string& digest) const {
-  try {
-    const std::shared_ptr<const maps::MapPackage> package =
-        maps::MapPackage::open(package_folder(digest));
-    if (package->digest() != digest) return "its manifest has another digest";
-    const std::vector<std::string> broken = package->verify();
-    return broken.empty() ? "" : problems_text(broken);
-  } catch (const std::runtime_error& error) {
-    return error.what();
-  }
-}
-
-bool PackageStore::has_whole(const std::string& digest) const {
-  return is_there(package_folder(digest)) && damage_of(digest).empty();
-}
-
 /// Under the lock. What is refused leaves no package: without a row no quota would count it.
-PackageStore::Added PackageStore::publish(Incoming& incoming, const fs::path& package,
-                                          std::string_view map, const StoredVersion& version,
+PackageStore::Added PackageStore::publish(PackageFolder::Incoming& incoming,
+                                          const fs::path& package, std::string_view map,
+                                          const StoredVersion& version,
                                           std::optional<std::int64_t> job) {
   state_->check_version(map, version, quota());
-  const fs::path target = package_folder(version.digest);
+  const fs::path target = packages_.path_of(version.digest);
   const bool is_first = !is_there(target);
   incoming.publish(package, target);
   try {
     return commit(map, version, job);
   } catch (const StoreRefusal&) {
     // A part of a drive has taken the last bytes meanwhile, or the job was cancelled.
-    if (is_first) clear_package(version.digest);
+    if (is_first) packages_.remove(version.digest);
     throw;
   }
 }
@@ -337,7 +265,7 @@ PackageStore::Added PackageStore::publish(Incoming& incoming, const fs::path& pa
 /// Under the lock, with the package in its place.
 PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version,
                                          std::optional<std::int64_t> job) {
-  DurableFiles(*calls_).sync_folder(packages_);
+  packages_.sync();
   const bool is_new = state_->add_version(map, version, quota(), job);
   return {state_->version(map, version.name), is_new};
 }
@@ -357,6 +285,57 @@ StoredMap PackageStore::roll_back(std::string_view map, std::optional<std::int64
 }
 
 bool PackageStore::create_map(std::string_view map) { return state_->create_map(map, now_ns()); }
+
+bool PackageStore::remove(std::string_view map, std::string_view version) {
+  const FolderLock lock = locked();
+  const std::string digest = state_->version(map, version).digest;
+  state_->remove_version(map, version);
+  clear_condemned_if_possible();
+  return !packages_.has(digest);
+}
+
+void PackageStore::remove_map(std::string_view map, WhenActive when_active) {
+  const FolderLock lock = locked();
+  state_->remove_map(map, when_active);
+  clear_condemned_if_possible();
+}
+
+std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::size_t count) {
+  const FolderLock lock = locked();
+  const StoredMap now = state_->map(map);
+  std::vector<std::string> others;
+  for (const StoredVersion& version : state_->versions(map))
+    if (version.name != now.active && version.name != now.previous) others.push_back(version.name);
+  others.resize(others.size() - std::min(count, others.size()));
+  std::vector<std::string> removed;
+  for (const std::string& version : others) {
+    try {
+      state_->remove_version(map, version);
+      removed.push_back(version);
+    } catch (const StoreRefusal&) {
+      // Activated or removed meanwhile.
+    }
+  }
+  clear_condemned_if_possible();
+  return removed;
+}
+
+/// The rows are removed, which must not look like a failure; the rest stays noted.
+void PackageStore::clear_condemned_if_possible() {
+  try {
+    state_->even_when_full([&] { clear_condemned(); });
+  } catch (const maps::StorageError&) {
+    // The next `clear_unused` or open tries again.
+  }
+}
+
+void PackageStore::clear_condemned() {
+  for (const std::string& digest : state_->condemned()) {
+    packages_.remove(digest);
+    packages_.sync();
+    state_->forget_condemned(digest);
+  }
+}
 
 FolderLock PackageStore::locked() const {
   if (!read_only_because().empty())

@@ -2,7 +2,9 @@
 
 #include <stillmap/maps/map_package.hpp>
 #include "store/archive.hpp"
+#include "store/folder_lock.hpp"
 #include "store/package_archive.hpp"
+#include "store/package_folder.hpp"
 #include "store/store_state.hpp"
 
 #include <cstddef>
@@ -22,8 +24,6 @@ class StorageError;
 }
 
 namespace stillmap::server {
-
-class FolderLock;
 
 /// Published map versions: immutable packages on the disk and the state that names them, kept in
 /// step through kills, full disks and power cuts (server/store.md says how). A change that returned
@@ -110,11 +110,9 @@ class PackageStore {
             const std::optional<Maker>& maker = {});
   /// As `add`, of a package that comes as a tar, by itself or in one folder: unpacked straight into
   /// the store, hashed while it is written. Files that the manifest does not list are dropped.
-  /// @param archive  what messages call it.
-  /// @param sha256   of the archive as it comes, lower-case hex, where that is known.
+  /// @param sha256  of the archive as it comes, lower-case hex, where that is known.
   /// @throws also InputError as `extract_archive`, and for another SHA-256. Nothing is left then.
-  Added add_archive(std::string_view map, std::string_view version, const ByteSource& source,
-                    const std::string& archive, const ArchiveLimits& limits,
+  Added add_archive(std::string_view map, std::string_view version, const IncomingArchive& archive,
                     const std::optional<std::string>& sha256 = {});
   /// A version's package as a tar. @throws as `open`.
   [[nodiscard]] std::unique_ptr<PackageArchive> archive(std::string_view map,
@@ -131,7 +129,7 @@ class PackageStore {
   StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {});
   /// As `StoreState::remove_version`.
   /// @return whether its package is gone from the disk: not while another version holds it, and not
-  /// when the disk fails at that; then the next `gc` or open tries again.
+  /// when the disk fails at that; then the next `clear_unused` or open tries again.
   bool remove(std::string_view map, std::string_view version);
 
   /// Makes a map without versions. @return false when it is there already.
@@ -143,68 +141,28 @@ class PackageStore {
   /// the others. @return those removed, oldest first. @throws StoreRefusal kUnknownMap.
   std::vector<std::string> keep_newest(std::string_view map, std::size_t count);
 
-  struct Problem {
-    /// Empty when it is of the store as a whole.
-    std::string map, version;
-    std::string what;
-  };
-  /// Recomputes all checksums and checks the state. Slow: reads everything.
-  [[nodiscard]] std::vector<Problem> verify() const;
+  // The rest is for backups (store_backup.hpp), checks and cleaning (store_upkeep.hpp).
 
-  struct Cleared {
-    /// Packages that no version names, by digest.
-    std::vector<std::string> packages;
-    /// Folders that a killed writer left.
-    std::size_t leftovers = 0;
-  };
-  /// Removes packages that no version names and what killed writers left. What is being written
-  /// right now stays.
-  Cleared gc();
-  /// What `gc` would remove of packages, by digest.
-  [[nodiscard]] std::vector<std::string> unnamed_packages() const;
-
-  struct BackedUp {
-    /// Packages that came, and those that an earlier backup had brought.
-    std::size_t copied = 0;
-    std::size_t kept = 0;
-  };
-  /// Writes the state as of one instant and the packages that it names into a folder, while others
-  /// may read and write the store. On one disk packages are linked, else copied, and their
-  /// checksums recomputed; those of an earlier backup are kept, and those that are not named any
-  /// more go. A crash leaves the earlier backup or the new one. Drives are not in it, so jobs that
-  /// have not finished are failed in it.
-  /// @param folder  new, empty or an earlier backup.
-  /// @throws InputError when it is something else; or names what is broken, once all else is saved;
-  /// StorageError.
-  BackedUp backup(const std::filesystem::path& folder) const;
-  /// Makes a store of a backup, with copies of its packages, whose checksums are recomputed.
-  /// @param folder  new or empty. @return how many packages.
-  /// @throws InputError when it holds anything or the backup is none or broken; or names versions
-  /// whose package was broken when it was made, once all else is restored; StorageError.
-  static std::size_t restore(const std::filesystem::path& backup,
-                             const std::filesystem::path& folder,
-                             DiskCalls& calls = DiskCalls::real());
+  /// Held while packages come and go. @throws StorageError when it is open for reading only.
+  [[nodiscard]] FolderLock locked() const;
+  [[nodiscard]] const PackageFolder& packages() const { return packages_; }
+  [[nodiscard]] DiskCalls& calls() const { return *calls_; }
+  /// Under the lock: removes packages whose versions are removed and that are still there.
+  void clear_condemned();
 
  private:
-  class Incoming;
-  [[nodiscard]] std::filesystem::path package_folder(std::string_view digest) const;
   void refuse_lost_state() const;
   void open_read_only(const maps::StorageError& reason);
-  [[nodiscard]] FolderLock locked() const;
-  [[nodiscard]] std::string damage_of(const std::string& digest) const;
-  [[nodiscard]] bool has_whole(const std::string& digest) const;
   Added commit(std::string_view map, const StoredVersion& version,
                std::optional<std::int64_t> job = {});
-  Added publish(Incoming& incoming, const std::filesystem::path& package, std::string_view map,
-                const StoredVersion& version, std::optional<std::int64_t> job = {});
-  void clear_package(const std::string& digest);
-  void clear_condemned();
+  Added publish(PackageFolder::Incoming& incoming, const std::filesystem::path& package,
+                std::string_view map, const StoredVersion& version,
+                std::optional<std::int64_t> job = {});
   void clear_condemned_if_possible();
-  std::size_t clear_leftovers();
 
   std::filesystem::path folder_;
-  std::filesystem::path packages_;
   DiskCalls* calls_;
+  PackageFolder packages_;
   std::unique_ptr<StoreState> state_;
   std::string not_cleared_because_;
   /// Of a package that was compared with its checksums.

@@ -18,13 +18,14 @@ std::string receive_file(const ByteSource& source, std::uint64_t bytes,
   std::uint64_t received = 0;
   for (std::size_t got = 0; (got = source(buffer)) > 0; received += got) {
     if (got > bytes - received)
-      throw maps::InputError(name, "more bytes", std::to_string(bytes) + " as announced");
+      throw maps::InputError(name, "more bytes",
+                             std::to_string(bytes) + " as announced: send it again");
     hash.add(buffer.data(), got);
     out.append({buffer.data(), got});
   }
   if (received != bytes)
     throw maps::InputError(name, std::to_string(received) + " bytes",
-                           std::to_string(bytes) + " as announced");
+                           std::to_string(bytes) + " as announced: send it again");
   out.finish();
   return hash.hex();
 }

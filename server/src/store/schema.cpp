@@ -172,7 +172,8 @@ void migrate(SqliteDatabase& database) {
   const auto newest = static_cast<std::int64_t>(kSteps.size());
   if (version < 0 || version > newest)
     throw maps::InputError(database.file().string(), "schema version " + std::to_string(version),
-                           "at most " + std::to_string(newest) + "; a newer stillmap wrote it");
+                           "at most " + std::to_string(newest) +
+                               "; a newer stillmap wrote it: use that one, or restore a backup");
   while (version < newest) {
     SqliteTransaction transaction(database);
     // Another process may have been first.

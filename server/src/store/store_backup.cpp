@@ -1,7 +1,7 @@
+#include "store/store_backup.hpp"
+
 #include <stillmap/maps/error.hpp>
-#include "store/backup_check.hpp"
 #include "store/disk_full.hpp"
-#include "store/package_store.hpp"
 
 #include <functional>
 #include <set>
@@ -178,12 +178,14 @@ class BackupFolder {
 
 }  // namespace
 
-PackageStore::BackedUp PackageStore::backup(const fs::path& folder) const {
-  BackupFolder target(normal(folder), *calls_);
+BackedUp back_up_store(const PackageStore& store, const fs::path& folder) {
+  BackupFolder target(normal(folder), store.calls());
+  const StoreState& state = store.state();
+  const PackageFolder& packages = store.packages();
   while (true) {
     BackedUp done;
     std::string broken;
-    const std::set<std::string> named = target.write_state(*state_);
+    const std::set<std::string> named = target.write_state(state);
     bool vanished = false;
     for (const std::string& digest : named) {
       if (target.has(digest)) {
@@ -191,17 +193,17 @@ PackageStore::BackedUp PackageStore::backup(const fs::path& folder) const {
         continue;
       }
       try {
-        target.bring(package_folder(digest), digest);
+        target.bring(packages.path_of(digest), digest);
       } catch (const std::runtime_error&) {
-        if (!read_only_because().empty()) throw;
+        if (!store.read_only_because().empty()) throw;
         // Removed since the state was written? Under the lock nothing is.
-        const FolderLock lock = locked();
-        vanished = !state_->uses(digest);
+        const FolderLock lock = store.locked();
+        vanished = !state.uses(digest);
         if (vanished) break;
         const std::string why = target.bring_unless_broken(
-            package_folder(digest), digest, [&] { return !damage_of(digest).empty(); });
+            packages.path_of(digest), digest, [&] { return !packages.damage_of(digest).empty(); });
         if (!why.empty()) {
-          broken += "; " + versions_with(*state_, digest) + " (" + why + ")";
+          broken += "; " + versions_with(state, digest) + " (" + why + ")";
           continue;
         }
       }
@@ -211,7 +213,7 @@ PackageStore::BackedUp PackageStore::backup(const fs::path& folder) const {
     target.commit(named);
     // One that is broken must not keep the others from being saved.
     if (!broken.empty())
-      throw maps::InputError(folder_.string(), "broken packages" + broken,
+      throw maps::InputError(store.folder().string(), "broken packages" + broken,
                              "whole ones; all else is in the backup");
     return done;
   }
@@ -222,8 +224,7 @@ std::size_t drop_damaged_of_backup(const fs::path& backup, DiskCalls& calls) {
   return BackupFolder(normal(backup), calls).set_damaged_aside();
 }
 
-std::size_t PackageStore::restore(const fs::path& backup, const fs::path& folder,
-                                  DiskCalls& calls) {
+std::size_t restore_store(const fs::path& backup, const fs::path& folder, DiskCalls& calls) {
   const fs::path target = normal(folder);
   if (!is_there(backup / kBackupMark) || !is_there(backup / kStateName))
     throw maps::InputError(backup.string(), "no finished backup", "one that `backup` wrote");

@@ -74,7 +74,9 @@ void refuse_retired(SqliteDatabase& database, std::string_view map, const Stored
   const std::optional<std::string> digest = retired_digest(database, map, version.name);
   if (!digest || *digest == version.digest) return;
   throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
-                                               in_quotes(map) + " was removed and was " + *digest);
+                                               in_quotes(map) +
+                                               " was removed and held another package (" + *digest +
+                                               "): choose another name");
 }
 
 /// @return whether the same is there already.
@@ -86,7 +88,7 @@ bool refuse_version(SqliteDatabase& database, std::string_view map, const Stored
                                                  in_quotes(map) + " is " + known->digest);
   }
   refuse_retired(database, map, version);
-  refuse_over_quota(database, quota, map, version.bytes, version.digest);
+  refuse_over_quota(database, quota, {map, version.bytes, version.digest});
   return false;
 }
 
@@ -194,7 +196,7 @@ std::uint64_t StoreState::bytes() const {
 void StoreState::check_quota(const StoreQuota& quota, std::string_view map,
                              std::uint64_t more_bytes, const WaitingBytes& waiting) const {
   const Reading reading(inner_->database);
-  refuse_over_quota(reading.database(), quota, map, more_bytes, {}, waiting);
+  refuse_over_quota(reading.database(), quota, {map, more_bytes, {}, waiting});
 }
 
 void StoreState::check_version(std::string_view map, const StoredVersion& version,

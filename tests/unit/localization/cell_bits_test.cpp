@@ -66,6 +66,25 @@ TEST(CellBits, HitWhereAVoxelIsNear) {
   }
 }
 
+TEST(CellBits, AShiftCountsAsIfThePointsHadMoved) {
+  const PlaceGrid& grid = kPlaceGrids.front();
+  const CellBitsTable table(some_voxels(), kExtent, grid.edge_m, grid.spread);
+  const CellBits bits(grid.edge_m, kExtent, table.tiles(), table.words());
+  test::Random random(3);
+  for (int k = 0; k < 300; ++k) {
+    const Eigen::Vector3f p(static_cast<float>(random.uniform(0.0, 200.0)),
+                            static_cast<float>(random.uniform(0.0, 100.0)),
+                            static_cast<float>(some_height(random)));
+    // Whole metres, so that the sums are exact.
+    const Eigen::Vector3f shift(static_cast<float>(std::round(random.uniform(-30.0, 30.0))),
+                                static_cast<float>(std::round(random.uniform(-30.0, 30.0))),
+                                static_cast<float>(std::round(random.uniform(-5.0, 5.0))));
+    PointColumns one(1);
+    one.set(0, p);
+    ASSERT_EQ(bits.hits(one, shift), hit(bits, p + shift)) << p.transpose();
+  }
+}
+
 TEST(CellBits, OnlyTilesThatHoldSomethingTakeMemory) {
   const CellBitsTable table(some_voxels(), kExtent, 1.0F, 0);
   // Of 7 x 4 tiles the two columns in the middle are empty.

@@ -1,4 +1,5 @@
 #include "align/place_search.hpp"
+#include "align/pose_search.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 
@@ -74,6 +75,50 @@ TEST(PlaceSearch, AnswersWithARotationAlsoWhereTheSensorLooksAlongTheMapsX) {
   const Eigen::Matrix3d R = found.front().linear();
   EXPECT_LT((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-5);
   EXPECT_LT((R.col(2) - Eigen::Vector3d::UnitX()).norm(), 1e-5);
+}
+
+TEST(PlaceSearch, LooksOnlyIntoTheHeadingsOfTheRegion) {
+  const PlaceSearch places(*street().index, drive_through());
+  Query query;
+  query.points = {{5.0F, 0.0F, 1.0F}, {0.0F, 5.0F, 1.0F}};
+  query.stands = {1, 1};
+  query.standing = {0, 1};
+  for (const double yaw_rad : {-2.0, 1.0, 2.5}) {
+    PlaceSearch::Region region;
+    region.yaw_rad = yaw_rad;
+    region.yaw_window_rad = 0.3;
+    const std::vector<Eigen::Isometry3d> found = places.best_places(query, 20, region);
+    ASSERT_FALSE(found.empty());
+    for (const Eigen::Isometry3d& T : found) {
+      const double heading_rad = std::atan2(T.linear()(1, 0), T.linear()(0, 0));
+      // The window, half a heading, and the turns of the two later rounds.
+      EXPECT_LT(std::abs(std::remainder(heading_rad - yaw_rad, 2.0 * std::numbers::pi)), 0.47);
+    }
+  }
+}
+
+TEST(PoseSearch, GivesNoPlaceTwice) {
+  const Eigen::Isometry3d T = pose_at(60.0, 0.0, 0.02);
+  // Off by several steps of the yaw, to both sides.
+  for (const double off_rad : {-0.25, 0.25}) {
+    const Eigen::Isometry3d prior = pose_at(60.0, 0.0, 0.02 + off_rad);
+    const Query query = thin(street().world.scan(T, pattern(7)), prior.linear(), 2.7);
+    const MapIndex::Level& level = street().index->levels()[1];
+    ASSERT_EQ(level.edge_m, 1.0F);
+    const std::vector<Eigen::Isometry3d> found =
+        search_poses(level, street().index->origin(), query, prior,
+                     {.radius_m = 6.0, .yaw_rad = 0.4, .max_candidates = 6});
+    ASSERT_GE(found.size(), 6U);
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      for (std::size_t k = 0; k < i; ++k) {
+        const Eigen::Isometry3d apart = found[i].inverse() * found[k];
+        const double apart_m = apart.translation().head<2>().cwiseAbs().maxCoeff();
+        EXPECT_TRUE(apart_m > 1.1 * level.edge_m ||
+                    maps::rotation_angle_rad(apart.linear()) > 2.5 * 0.035)
+            << i << " and " << k;
+      }
+    }
+  }
 }
 
 TEST(WithoutPrior, FindsTheScanOfATiltedOrHangingSensorInEveryHeading) {

@@ -122,10 +122,11 @@ TEST_F(MapBuild, WarnsWhenManyPointsAreNearerThanWhatCarriesTheSensor) {
   const std::uint64_t in = report.points.at("in");
   const std::uint64_t near = report.points.at("dropped_too_near");
   ASSERT_GT(near, in / 5);
-  EXPECT_THAT(report.warnings,
-              ElementsAre(testing::StartsWith(
-                  fmt::format("{:.0f} % of the points are left out, nearer than --min-range 12 m",
-                              100.0 * static_cast<double>(near) / static_cast<double>(in)))));
+  EXPECT_THAT(
+      report.warnings,
+      ElementsAre(testing::StartsWith(fmt::format(
+          "{:.0f} % of the points are left out, because they are nearer than --min-range 12 m",
+          100.0 * static_cast<double>(near) / static_cast<double>(in)))));
 }
 
 TEST_F(MapBuild, ReportsTheConsistencyThatIsFoundInThePackage) {
@@ -645,7 +646,7 @@ TEST_F(GivenPosesOfABuild, ThatAreSaidToBeExactStayAndAreChecked) {
   EXPECT_GT(worst_m(), 0.2);
   EXPECT_EQ(report.given_poses.value().moved.max_m, 0.0);
   EXPECT_THAT(report.warnings, ElementsAre(::testing::AllOf(
-                                   ::testing::HasSubstr("of 19 scans lie more than a voxel"),
+                                   ::testing::HasSubstr("of 19 given poses are more than a voxel"),
                                    ::testing::HasSubstr("build with --given-poses refine"))));
   EXPECT_EQ(open()->manifest().options.at("given_poses"), "exact");
 }
@@ -683,7 +684,7 @@ TEST_F(MapBuild, SaysWhereOdometryRestarted) {
   EXPECT_GE(report.points.at("scans_hidden"), 4U);
   EXPECT_THAT(report.warnings,
               Contains(AllOf(HasSubstr("odometry lost the place and restarted at scan 2"),
-                             HasSubstr("as two drives (--select)"))));
+                             HasSubstr("a map of each part (--select BEGIN:END)"))));
 }
 
 /// 11 s along the street, faster and slower; the stamps of the poses are 0.3 s too early.

@@ -8,6 +8,7 @@
 #include "pipeline/opened_drives.hpp"
 #include "pipeline/posed_drives_bytes.hpp"
 #include "pipeline/poses_stage.hpp"
+#include "pipeline/survey_stage.hpp"
 #include "small_drive.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -89,6 +90,22 @@ TEST_F(PosedDrivesTest, PosesOfAnotherNumberOfScansAreRefused) {
   poses.resize(drive_.size(), Eigen::Isometry3d::Identity());
   poses[1].translation().x() = std::nan("");
   EXPECT_THROW((void)drive_.with_poses(poses, std::nullopt), std::invalid_argument);
+}
+
+TEST_F(PosedDrivesTest, ViewsOfTheScansKeepWhatIsDoubtedOfTheirPoses) {
+  std::vector<std::vector<maps::PoseDisagreement>> doubts(1);
+  doubts.front().resize(drive_.size());
+  doubts.front()[1].m = 0.25F;
+  const DriveSet drives({drive_}, options_, doubts);
+  const RangeViewStore views(folder_.path());
+  const Eigen::Vector3d origin(3.0, -2.0, 1.0);
+  const PosedViews posed = posed_views(drives, views, origin);
+  ASSERT_EQ(posed.doubts.size(), drives.size());
+  EXPECT_EQ(posed.doubts[1].m, 0.25F);
+  ASSERT_EQ(posed.T_local_lidar.size(), drives.size());
+  EXPECT_LT(
+      (posed.T_local_lidar[1].translation() + origin - drives.T_map_scan(1).translation()).norm(),
+      1e-12);
 }
 
 class PosedDrivesBytes : public PosedDrivesTest {

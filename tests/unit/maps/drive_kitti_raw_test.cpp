@@ -262,7 +262,7 @@ TEST_F(KittiRawDrive, LeavesOutAScanWhoseStampGoesBackAndSaysSo) {
   EXPECT_EQ(drive.contents().scan_files[5].filename(), "0000000006.bin");
   EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("1 scans left out")));
   write("velodyne_points/timestamps.txt", stamps.replace(0, stamp(0).size(), stamp(30)));
-  expect_error("drive_0001_sync", "stamps of 2 of 12 scans");
+  expect_error("drive_0001_sync", "for 2 of 12 scans");
 }
 
 TEST_F(KittiRawDrive, TakesGivenPosesInsteadOfItsOwn) {

@@ -140,9 +140,9 @@ TEST_F(MapExport, FloatsFarFromZeroAreRefusedWithTheRemedy) {
   far.origin = {448'000.0, 5'427'000.0, 110.0};
   const auto package = map(far);
   EXPECT_THAT([&] { export_map(*package, "pcd", out("a.pcd"), {}); },
-              ThrowsSaying<InputError>({"5427033 m", "0.5 m coarse", "local"}));
+              ThrowsSaying<InputError>({"5427033 m", "steps of 0.5 m", "local"}));
   EXPECT_THAT([&] { export_map(*package, "autoware", out("a"), {}); },
-              ThrowsSaying<InputError>({"0.5 m coarse"}));
+              ThrowsSaying<InputError>({"steps of 0.5 m"}));
   EXPECT_THAT([&] { export_map(*package, "pcd", out("a.pcd"), {.frame = ExportFrame::kUtm}); },
               ThrowsSaying<std::invalid_argument>({"utm", "map or local", "32-bit floats"}));
   EXPECT_FALSE(fs::exists(out("a.pcd")));
@@ -156,7 +156,7 @@ TEST_F(MapExport, FloatsFarFromZeroAreRefusedWithTheRemedy) {
   far.origin = {30'000.0, 0.0, 0.0};
   far.place = kPlace;
   EXPECT_THAT([&] { export_map(*map(far), "autoware", out("a"), {.frame = ExportFrame::kUtm}); },
-              ThrowsSaying<InputError>({"0.002 m coarse"}));
+              ThrowsSaying<InputError>({"steps of 0.002 m"}));
 }
 
 /// A package may come from anybody.

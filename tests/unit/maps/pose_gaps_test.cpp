@@ -88,7 +88,7 @@ TEST(ScansInGaps, AreSaidByWhatBecomesOfThem) {
   scans.note(contents, "/odom");
   EXPECT_THAT(contents.notes,
               ElementsAre("2 scans left out, which lie in gaps of over 1 s between poses of /odom "
-                          "while the sensor moved",
+                          "while the sensor moved; to keep them, give poses without gaps",
                           "1 scans lie in gaps of over 1 s between poses of /odom, and are placed "
                           "on a straight line across them"));
 }

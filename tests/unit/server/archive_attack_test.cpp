@@ -22,8 +22,11 @@ class ArchiveAttackTest : public ::testing::Test {
   void expect_refused(const std::string& bytes, const std::vector<std::string>& saying,
                       const ArchiveLimits& limits = {}) {
     SCOPED_TRACE(::testing::PrintToString(saying));
-    EXPECT_THAT([&] { extract_archive(source_of(bytes), "upload", target_, limits, calls_); },
-                ThrowsSaying<maps::InputError>(saying))
+    EXPECT_THAT(
+        [&] {
+          extract_archive({source_of(bytes), "upload", limits}, target_, calls_);
+        },
+        ThrowsSaying<maps::InputError>(saying))
         << bytes.substr(0, 100);
     expect_nothing_left();
     fs::remove_all(target_);
@@ -193,7 +196,7 @@ TEST_F(ArchiveAttackTest, RefusesWhatLiesBehindTheEnd) {
     expect_refused(packed(packed(tar, packing), Packing::kZstd), {"more than once"});
   }
   // As tar pads it.
-  extract_archive(source_of(tar + std::string(10'240, '\0')), "upload", target_, {}, calls_);
+  extract_archive({source_of(tar + std::string(10'240, '\0')), "upload"}, target_, calls_);
 }
 
 TEST_F(ArchiveAttackTest, RefusesWhatIsCutAnywhere) {
@@ -203,7 +206,7 @@ TEST_F(ArchiveAttackTest, RefusesWhatIsCutAnywhere) {
     const std::string bytes = packed(tar, packing);
     for (std::size_t size = 0; size < bytes.size(); ++size) {
       try {
-        extract_archive(source_of(bytes.substr(0, size)), "upload", target_, {}, calls_);
+        extract_archive({source_of(bytes.substr(0, size)), "upload"}, target_, calls_);
         ADD_FAILURE() << size << " of " << bytes.size() << " bytes were taken";
       } catch (const maps::InputError&) {
       }
@@ -215,9 +218,10 @@ TEST_F(ArchiveAttackTest, RefusesWhatIsCutAnywhere) {
 TEST_F(ArchiveAttackTest, KeepsEveryLimit) {
   const std::string two = tar_file("a", "0123456789") + tar_file("b/c/d", "0123456789") + tar_end();
   extract_archive(
-      source_of(two), "upload", target_,
-      {.entries = 4, .file_bytes = 10, .total_bytes = two.size(), .path_bytes = 5, .depth = 3},
-      calls_);
+      {source_of(two),
+       "upload",
+       {.entries = 4, .file_bytes = 10, .total_bytes = two.size(), .path_bytes = 5, .depth = 3}},
+      target_, calls_);
   fs::remove_all(target_);
   expect_refused(two, {"more entries", "3 at most"}, {.entries = 3});
   expect_refused(two, {"entry 'a'", "10 bytes", "9 at most"}, {.file_bytes = 9});
@@ -229,7 +233,7 @@ TEST_F(ArchiveAttackTest, KeepsEveryLimit) {
                      tar_end(),
                  {"255 at most"}, {.path_bytes = 1000});
   for (const double ratio : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()})
-    EXPECT_THROW(extract_archive(source_of(two), "upload", target_, {.ratio = ratio}, calls_),
+    EXPECT_THROW(extract_archive({source_of(two), "upload", {.ratio = ratio}}, target_, calls_),
                  std::invalid_argument);
   expect_nothing_left();
 }
@@ -254,8 +258,11 @@ TEST_F(ArchiveAttackTest, RefusesAHundredThousandEntriesAtTheLimit) {
     header.erase(0, size);
     return entries > 100'000 ? 0 : size;
   };
-  EXPECT_THAT([&] { extract_archive(source, "upload", target_, {.entries = 500}, calls_); },
-              ThrowsSaying<maps::InputError>({"more entries", "500 at most"}));
+  EXPECT_THAT(
+      [&] {
+        extract_archive({source, "upload", {.entries = 500}}, target_, calls_);
+      },
+      ThrowsSaying<maps::InputError>({"more entries", "500 at most"}));
   EXPECT_LT(entries, 2000U);
   expect_nothing_left();
 }

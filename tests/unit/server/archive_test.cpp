@@ -45,7 +45,7 @@ std::map<std::string, std::string> tree(const fs::path& folder) {
 class ArchiveTest : public ::testing::Test {
  protected:
   ExtractedArchive extract(const ByteSource& source, const ArchiveLimits& limits = {}) {
-    return extract_archive(source, "upload", target_, limits, calls_);
+    return extract_archive({source, "upload", limits}, target_, calls_);
   }
 
   TemporaryFolder folder_{memory_folder()};
@@ -133,7 +133,7 @@ TEST_F(ArchiveTest, LeavesNothingBehindWhicheverCallFails) {
     for (std::size_t at = 0; failed; ++at) {
       FailingCalls calls(fault, [&](std::size_t n, const auto&) { return n == at; });
       try {
-        extract_archive(source_of(tar), "upload", target_, {}, calls);
+        extract_archive({source_of(tar), "upload"}, target_, calls);
         EXPECT_EQ(tree(target_).size(), 3U);
         fs::remove_all(target_);
       } catch (const maps::StorageError&) {
@@ -196,7 +196,7 @@ class DriveArchiveTest : public ArchiveTest {
  protected:
   static std::string scan() { return std::string(64, '\x3f'); }
   ExtractedDrive drive(const std::string& tar) {
-    return extract_drive(source_of(tar), "upload", target_, {}, calls_);
+    return extract_drive({source_of(tar), "upload"}, target_, calls_);
   }
 };
 
@@ -225,7 +225,8 @@ TEST_F(DriveArchiveTest, FindsABagAndWhatIsChosenOfIt) {
   EXPECT_EQ(found.scans, 1U);
   fs::remove_all(target_);
   EXPECT_THAT([&] { drive(file + tar_end()); },
-              ThrowsSaying<maps::InputError>({"/cloud1 (1 in 'lidar'), /cloud2 (1 in 'lidar')"}));
+              ThrowsSaying<maps::InputError>(
+                  {"/cloud1 (1 clouds in 'lidar'), /cloud2 (1 clouds in 'lidar')"}));
 }
 
 TEST_F(DriveArchiveTest, RefusesWhatIsNoDrive) {

@@ -81,7 +81,7 @@ TEST_F(ConfigTest, EveryProblemOfEverySourceIsNamedAtOnce) {
           "environment: \"STILLMAP_SERVE_LOG_LEVL\": found \"info\", expected a known variable, "
           "the nearest is STILLMAP_SERVE_LOG_LEVEL",
           "command line: --log-format: found \"xml\", expected one of text, json",
-          "default: event_streams: found 64, expected below connections, and connections is 10"));
+          "default: event_streams: found 64, expected below connections (connections is 10)"));
 }
 
 TEST_F(ConfigTest, WhatWasRefusedIsNotJudgedByItsDefault) {
@@ -199,11 +199,11 @@ TEST_F(ConfigTest, ListingIsAConfigurationThatGivesTheSame) {
 TEST_F(ConfigTest, ReloadPutsInForceWhatMayChangeAndNamesTheRest) {
   OptionsHolder holder(ServerOptions{});
   const auto before = holder.current();
-  const ReloadReport report =
+  const ReloadResult result =
       reload(with_file(R"({"port": 1, "log": {"level": "debug"}})"), holder);
-  EXPECT_THAT(report.problems, IsEmpty());
-  EXPECT_THAT(report.changed, ElementsAre("log.level"));
-  EXPECT_THAT(report.need_restart, ElementsAre("port"));
+  EXPECT_THAT(result.problems, IsEmpty());
+  EXPECT_THAT(result.changed, ElementsAre("log.level"));
+  EXPECT_THAT(result.need_restart, ElementsAre("port"));
   EXPECT_EQ(holder.current()->log.level, "debug");
   EXPECT_EQ(holder.current()->port, ServerOptions{}.port);
   EXPECT_EQ(before->log.level, "info") << "who took the options before keeps them";
@@ -213,9 +213,9 @@ TEST_F(ConfigTest, BrokenFileLeavesWhatRuns) {
   OptionsHolder holder(ServerOptions{});
   const auto before = holder.current();
   for (const char* text : {"{", R"({"log": {"level": "debug", "format": "xml"}})"}) {
-    const ReloadReport report = reload(with_file(text), holder);
-    EXPECT_THAT(report.problems, SizeIs(1)) << text;
-    EXPECT_THAT(report.changed, IsEmpty());
+    const ReloadResult result = reload(with_file(text), holder);
+    EXPECT_THAT(result.problems, SizeIs(1)) << text;
+    EXPECT_THAT(result.changed, IsEmpty());
     EXPECT_EQ(holder.current(), before);
   }
 }

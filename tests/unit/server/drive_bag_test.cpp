@@ -143,7 +143,8 @@ TEST_F(BagDrive, MarksClocksThatStartWithTheDrive) {
 
 TEST_F(BagDrive, ListsTopicsOfCloudsAndTakesTheChosenOne) {
   clouds("/rear", 9, "rear_lidar");
-  expect_error({"/points (4 in 'lidar')", "/rear (1 in 'rear_lidar')", "run.mcap?cloud=/points"});
+  expect_error({"/points (4 clouds in 'lidar')", "/rear (1 clouds in 'rear_lidar')",
+                "run.mcap?cloud=/points"});
   EXPECT_EQ(open("?cloud=/rear").size(), 1U);
   EXPECT_EQ(open("?cloud=/points").size(), 4U);
   expect_error({"no clouds on /front", "/rear of sensor_msgs/msg/PointCloud2"}, "?cloud=/front");
@@ -176,7 +177,7 @@ TEST_F(BagDrive, LeavesOutScansInGapsOfThePosesWhileTheSensorMoved) {
   EXPECT_EQ(drive.size(), 14U);
   EXPECT_THAT(drive.contents().notes,
               Contains("16 scans left out, which lie in gaps of over 1 s between poses of /odom "
-                       "while the sensor moved"));
+                       "while the sensor moved; to keep them, give poses without gaps"));
 }
 
 TEST_F(BagDrive, InterpolatesPosesToTheScans) {
@@ -216,8 +217,8 @@ TEST_F(BagDrive, BringsPosesToTheCloudsFrame) {
 TEST_F(BagDrive, ListsFramesWhereNoChainLeadsToTheClouds) {
   add_odometry("/odom", "base_link");
   add_static("base_link", "camera", {});
-  expect_error({"no way by tf_static from 'base_link' of /odom to 'lidar'", "'base_link', 'camera'",
-                "run.mcap?pose_frame=lidar"});
+  expect_error({"no transform in tf_static from 'base_link' of the poses on /odom to 'lidar'",
+                "'base_link', 'camera'", "run.mcap?pose_frame=lidar"});
   EXPECT_NEAR(xs(open("?pose_frame=lidar"))[1], 1.0, 1e-12);
 }
 
@@ -227,8 +228,7 @@ TEST_F(BagDrive, TakesPosesWithoutAFrameAsTheCloudsWhereThatIsTheOnlyChoice) {
   EXPECT_THAT(xs(open()), ElementsAre(0.0, 1.0, 2.0, 3.0));
   EXPECT_THAT(open().contents().notes, Contains(HasSubstr("taken as those of 'lidar'")));
   add_static("base_link", "lidar", {0, 0, 1});
-  expect_error(
-      {"/pose without a name of the frame it moves", "'base_link', 'lidar'", "pose_frame=lidar"});
+  expect_error({"poses on /pose that name no frame", "'base_link', 'lidar'", "pose_frame=lidar"});
   EXPECT_EQ(open("?pose_frame=base_link").T_map_lidar(0).translation().z(), 1.0);
 }
 
@@ -414,8 +414,9 @@ TEST_F(BagDrive, TakesNoGoalsForAPath) {
     add("/goal_pose", kPoseType, test::pose_stamped(kStart + i * kStep, {1.0 * i}));
   const maps::Drive drive = open();
   EXPECT_FALSE(drive.has_poses());
-  EXPECT_THAT(drive.contents().notes,
-              ElementsAre(HasSubstr("/goal_pose has 2 poses for 100 scans, which are no path")));
+  EXPECT_THAT(
+      drive.contents().notes,
+      ElementsAre(HasSubstr("/goal_pose is not used for poses: it has only 2 for 100 scans")));
   EXPECT_TRUE(open("?poses=/goal_pose").has_poses());
   EXPECT_TRUE(open("?pose_frame=lidar").has_poses());
   // Many of them are listed beside tf.

@@ -46,7 +46,7 @@ class DriveStoreTest : public ::testing::Test {
   }
   DriveStore::Added add(std::int64_t n, const std::string& bytes,
                         const DriveStore::Limits& limits = {}) {
-    return drives_.add_part(id_, n, bytes.size(), source_of(bytes), {}, limits);
+    return drives_.add_part(id_, {n, bytes.size(), source_of(bytes)}, limits);
   }
   [[nodiscard]] fs::path home() const { return folder_.path() / "drives" / std::to_string(id_); }
   [[nodiscard]] std::size_t parts_on_disk() const {
@@ -85,7 +85,7 @@ TEST_F(DriveStoreTest, TakesAPartAgainOnlyWhenItIsTheSame) {
 
 TEST_F(DriveStoreTest, TakesNothingOfAPartThatIsNotWhatWasAnnounced) {
   const auto send = [&](std::uint64_t announced, const std::optional<std::string>& sha256) {
-    return [=, this] { drives_.add_part(id_, 1, announced, source_of("abc"), sha256, {}); };
+    return [=, this] { drives_.add_part(id_, {1, announced, source_of("abc"), sha256}, {}); };
   };
   EXPECT_THAT(send(2, {}), ThrowsSaying<maps::InputError>({"part 1", "more bytes", "2"}));
   EXPECT_THAT(send(4, {}), ThrowsSaying<maps::InputError>({"3 bytes", "4 as announced"}));
@@ -119,8 +119,11 @@ TEST_F(DriveStoreTest, BoundsPartsThatComeAtOneTimeTogether) {
     std::fill_n(to.begin(), 6, 'x');
     return 6;
   };
-  EXPECT_THAT([&] { drives_.add_part(id_, 1, 6, slow, {}, limits); },
-              ThrowsSaying<maps::InputError>({"part 1", "6 bytes more than 6", "at most 10"}));
+  EXPECT_THAT(
+      [&] {
+        drives_.add_part(id_, {1, 6, slow}, limits);
+      },
+      ThrowsSaying<maps::InputError>({"part 1", "6 bytes more than 6", "at most 10"}));
   EXPECT_TRUE(other_came);
   EXPECT_EQ(store_.drives().drive(id_).bytes, 6U);
   EXPECT_EQ(parts_on_disk(), 1U);
@@ -190,8 +193,9 @@ TEST_F(DriveStoreTest, PartsOfTwoDrivesDoNotPassTheQuotaTogether) {
   CallsWhenPlaced calls;
   calls.placed = [&] { EXPECT_TRUE(add(1, std::string(600, 'x')).is_new); };
   DriveStore drives(store_, calls);
-  expect_refused(Reason::kOverQuota,
-                 [&] { drives.add_part(other, 1, 600, source_of(std::string(600, 'y')), {}, {}); });
+  expect_refused(Reason::kOverQuota, [&] {
+    drives.add_part(other, {1, 600, source_of(std::string(600, 'y'))}, {});
+  });
   EXPECT_FALSE(fs::exists(folder_.path() / "drives" / std::to_string(other) / "parts" / "1"));
   EXPECT_TRUE(store_.drives().parts(other).empty());
   EXPECT_EQ(parts_on_disk(), 1U);
@@ -247,10 +251,11 @@ TEST_F(DriveStoreTest, OthersGoOnWhileOneDriveIsSlow) {
     into[0] = 'x';
     return 1;
   };
-  auto taken = std::async(std::launch::async,
-                          [&] { return drives_.add_part(id_, 1, 1, slow, {}, {}).is_new; });
-  EXPECT_TRUE(drives_.add_part(other, 1, 1, source_of("y"), {}, {}).is_new);
-  EXPECT_TRUE(drives_.add_part(id_, 2, 1, source_of("z"), {}, {}).is_new);
+  auto taken = std::async(std::launch::async, [&] {
+    return drives_.add_part(id_, {1, 1, slow}, {}).is_new;
+  });
+  EXPECT_TRUE(drives_.add_part(other, {1, 1, source_of("y")}, {}).is_new);
+  EXPECT_TRUE(drives_.add_part(id_, {2, 1, source_of("z")}, {}).is_new);
   other_taken.set_value();
   EXPECT_TRUE(taken.get());
 }

@@ -13,6 +13,7 @@
 
 #include "job_fixture.hpp"
 #include "jobs/housekeeping.hpp"
+#include "store/store_upkeep.hpp"
 #include "support/disk_calls.hpp"
 
 namespace stillmap::server {
@@ -37,22 +38,22 @@ class JobsOfARunner : public JobTest {
   }
   void run_jobs(PackageStore& store) {
     const auto pause = std::chrono::milliseconds(1);
-    jobs_.emplace(JobRunner::Setup{live_, store, *drives_, *catalog_, metrics_, mapper_, pause});
+    jobs_.emplace(JobSetup{live_, store, *drives_, *catalog_, metrics_, mapper_, pause});
   }
   void ask_for_rebuild() {
     RebuildRequest request;
     request.drives = {1};
     request.version = "v2";
     request.activate = request.new_frame = true;
-    static_cast<void>(jobs_->rebuild("town", request, {}));
+    static_cast<void>(jobs_->orders.rebuild("town", request, {}));
   }
   JobView end_of(std::int64_t job) {
     const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-    while (!is_finished(jobs_->view(job).job.status)) {
+    while (!is_finished(jobs_->live.view(job).job.status)) {
       if (std::chrono::steady_clock::now() > latest) throw std::runtime_error("the job has no end");
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
-    return jobs_->view(job);
+    return jobs_->live.view(job);
   }
   /// Runner and catalog have ended, too: they use the store, which a test may own.
   StoredJob end_of_rebuild() {
@@ -73,7 +74,7 @@ class JobsOfARunner : public JobTest {
   Metrics metrics_{"1"};
   std::optional<MapCatalog> catalog_;
   std::optional<DriveStore> drives_;
-  std::optional<JobRunner> jobs_;
+  std::optional<Jobs> jobs_;
 };
 
 /// Calls back when a package begins to come into the store.
@@ -93,12 +94,12 @@ class CallsWhenCopied : public test::UnsyncedCalls {
 
 TEST_F(JobsOfARunner, LeaveNoVersionWhenTheyAreCancelledWhileItIsCopied) {
   write_mapper("publish");
-  CallsWhenCopied calls([&] { EXPECT_TRUE(jobs_->cancel(1).cancel_requested); });
+  CallsWhenCopied calls([&] { EXPECT_TRUE(jobs_->live.cancel(1).cancel_requested); });
   PackageStore store(store_.folder().path(), calls);
   start_runner(store);
   EXPECT_EQ(end_of_rebuild().status, JobStatus::kCanceled);
   EXPECT_FALSE(store.state().find_version("town", "v2"));
-  EXPECT_TRUE(store.unnamed_packages().empty());
+  EXPECT_TRUE(unnamed_packages(store).empty());
   EXPECT_EQ(store.state().map("town").active, store_.version());
   expect_cleared(1);
 }
@@ -108,7 +109,7 @@ TEST_F(JobsOfARunner, CannotBeCancelledOnceTheirVersionIsThere) {
   bool refused = false;
   on_load_ = [&] {
     try {
-      jobs_->cancel(1);
+      jobs_->live.cancel(1);
     } catch (const StoreRefusal& refusal) {
       refused = refusal.reason() == StoreRefusal::Reason::kJobFinished;
     }
@@ -143,7 +144,7 @@ TEST_F(JobsOfARunner, LeaveAloneWhatIsBeingReceivedWhenTheyAreTakenFromAnotherSe
   write_mapper("publish");
   start_runner(store_.open());
   const std::string bytes = kPly;
-  const std::string sha256 = jobs_->receive(
+  const std::string sha256 = jobs_->uploads.receive(
       [&, sent = std::size_t{0}](std::span<char> to) mutable {
         const std::size_t count =
             std::string_view(bytes).substr(sent, 9).copy(to.data(), to.size());
@@ -208,7 +209,7 @@ TEST_F(JobsOfARunner, BelongToOneServerOfTheStoreWhereverEachOneWorks) {
   run_jobs(store_.open());
   ask_for_rebuild();
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  EXPECT_EQ(jobs_->view(1).job.status, JobStatus::kEnqueued);
+  EXPECT_EQ(jobs_->live.view(1).job.status, JobStatus::kEnqueued);
   lock = {};
   EXPECT_EQ(end_of(1).job.status, JobStatus::kSucceeded);
 }
@@ -225,8 +226,8 @@ TEST_F(JobsOfARunner, GoOnBehindOneThatAnotherServerHasEnded) {
   std::ofstream(mapper_.string() + ".go") << "x";
   ask_for_rebuild();
   EXPECT_EQ(end_of(2).job.status, JobStatus::kSucceeded);
-  EXPECT_EQ(jobs_->view(1).job.error, "by another server");
-  EXPECT_EQ(jobs_->events(1), nullptr);
+  EXPECT_EQ(jobs_->live.view(1).job.error, "by another server");
+  EXPECT_EQ(jobs_->live.events(1), nullptr);
 }
 
 TEST_F(JobsOfARunner, WhoIsNotWaitedForWhileAMapIsLoadedHasNotCrashed) {
@@ -266,10 +267,10 @@ TEST_F(JobsOfARunner, TellWhenADriveWasUsedAsLongAsItIsThere) {
   const RetentionOptions retention{
       .versions = 0, .job_days = 30, .audit_days = 0, .drive_days = 90};
   for (const int days : {111, 112, 169}) {
-    keep_house(retention, store_.open(), *drives_, *jobs_, day(days));
+    keep_house(retention, store_.open(), *drives_, jobs_->folders, day(days));
     EXPECT_EQ(store_.open().drives().all().size(), 1U) << days;
   }
-  keep_house(retention, store_.open(), *drives_, *jobs_, day(171));
+  keep_house(retention, store_.open(), *drives_, jobs_->folders, day(171));
   EXPECT_TRUE(store_.open().drives().all().empty());
   EXPECT_TRUE(jobs.list({}, 1).jobs.empty());
 }

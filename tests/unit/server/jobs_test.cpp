@@ -413,20 +413,20 @@ TEST_F(Jobs, HousekeepingForgetsWhatIsOld) {
   DriveStore drives(store_.open());
   service_.reset();
   const OptionsHolder live(options_);
-  const JobRunner::Setup setup{live, store_.open(), drives, catalog, metrics, mapper_};
-  JobRunner jobs(setup);
+  const JobSetup setup{live, store_.open(), drives, catalog, metrics, mapper_};
+  const server::Jobs jobs(setup);
   const RetentionOptions retention{
       .versions = 0, .job_days = 30, .audit_days = 1, .drive_days = 40};
   const auto days_later = [&](int days) {
     return drive.created_ns + days * std::int64_t{86'400'000'000'000};
   };
-  keep_house(retention, store_.open(), drives, jobs, days_later(29));
+  keep_house(retention, store_.open(), drives, jobs.folders, days_later(29));
   EXPECT_TRUE(std::filesystem::exists(job_folder(1)));
   EXPECT_TRUE(store_.open().audit().list(1).records.empty());
-  keep_house(retention, store_.open(), drives, jobs, days_later(31));
+  keep_house(retention, store_.open(), drives, jobs.folders, days_later(31));
   EXPECT_TRUE(std::filesystem::exists(job_folder(1))) << "it tells when its drive was used";
   EXPECT_EQ(store_.open().drives().all().size(), 1U);
-  keep_house(retention, store_.open(), drives, jobs, days_later(41));
+  keep_house(retention, store_.open(), drives, jobs.folders, days_later(41));
   EXPECT_FALSE(std::filesystem::exists(job_folder(1)));
   EXPECT_TRUE(store_.open().drives().all().empty());
 }

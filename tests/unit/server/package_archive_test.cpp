@@ -3,6 +3,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <algorithm>
 #include <cstdlib>
@@ -154,7 +155,7 @@ class StoreArchiveTest : public PackageArchiveTest {
  protected:
   PackageStore::Added add(const std::string& tar, const std::string& version = "1",
                           const std::optional<std::string>& sha256 = {}) {
-    return store_.add_archive("town", version, source_of(tar, 5000), "body", {}, sha256);
+    return store_.add_archive("town", version, {source_of(tar, 5000), "body"}, sha256);
   }
   [[nodiscard]] std::string tar() const {
     PackageArchive archive(town_);
@@ -189,14 +190,14 @@ TEST_F(StoreArchiveTest, TakesBackWhatItGives) {
   const PackageStore::Added added = add(tar());
   EXPECT_TRUE(added.is_new);
   EXPECT_EQ(added.version.digest, digest_);
-  EXPECT_TRUE(store_.verify().empty());
+  EXPECT_TRUE(verify_store(store_).empty());
   const std::unique_ptr<PackageArchive> again = store_.archive("town", "1");
   EXPECT_EQ(all_of(*again), tar());
   EXPECT_FALSE(add(all_of(*again)).is_new);
   EXPECT_TRUE(add(packed(tar(), Packing::kZstd), "2").is_new);
   EXPECT_EQ(added.version.bytes, store_.add("town", "3", town_).version.bytes);
-  EXPECT_EQ(store_.unnamed_packages().size(), 0U);
-  EXPECT_EQ(store_.gc().leftovers, 0U);
+  EXPECT_EQ(unnamed_packages(store_).size(), 0U);
+  EXPECT_EQ(clear_unused(store_).leftovers, 0U);
   EXPECT_THAT([&] { (void)store_.archive("town", "9"); }, ::testing::Throws<StoreRefusal>());
 }
 
@@ -215,9 +216,9 @@ TEST_F(StoreArchiveTest, WaitsForTheDiskForFilesOfThePackageAlone) {
              (call.kind == DiskCall::Kind::kSyncFile || call.kind == DiskCall::Kind::kSyncFolder);
     });
   };
-  EXPECT_THROW(store.add_archive("town", "1", source_of(files + tar_end()), "body", {}),
+  EXPECT_THROW(store.add_archive("town", "1", {source_of(files + tar_end()), "body"}),
                maps::InputError);
-  store.add_archive("town", "1", source_of(files + tar()), "body", {});
+  store.add_archive("town", "1", {source_of(files + tar()), "body"});
   EXPECT_GT(std::count_if(calls.calls().begin(), calls.calls().end(), is_stray), 200);
   EXPECT_EQ(syncs(), 0);
   for (const auto& entry : fs::recursive_directory_iterator(town_)) {
@@ -236,7 +237,7 @@ TEST_F(StoreArchiveTest, TakesAPackageInAFolderAndDropsTheRest) {
   add(tar_folder("town/") + entries("town/") + tar_file("town/stray/a", "x") +
       tar_folder("town/tiles/more/") + tar_file("town/tiles/1_1_1.bin", "x") +
       tar_file("beside.txt", "x") + tar_file("other/tiles", "x") + tar_end());
-  EXPECT_TRUE(store_.verify().empty());
+  EXPECT_TRUE(verify_store(store_).empty());
   std::vector<std::string> found;
   for (const auto& entry : fs::recursive_directory_iterator(packages_ / digest_))
     found.push_back(entry.path().lexically_relative(packages_ / digest_));
@@ -284,10 +285,9 @@ TEST_F(StoreArchiveTest, RefusesAnotherPackageOfThatName) {
   EXPECT_THAT([&] { add(all_of(other)); },
               ::testing::Throws<StoreRefusal>(
                   ::testing::Property(&StoreRefusal::reason, StoreRefusal::Reason::kOtherDigest)));
-  EXPECT_EQ(store_.unnamed_packages().size(), 0U);
+  EXPECT_EQ(unnamed_packages(store_).size(), 0U);
   EXPECT_EQ(std::distance(fs::directory_iterator(packages_), fs::directory_iterator()), 1);
-  EXPECT_THROW(store_.add_archive("Town", "1", source_of(tar()), "body", {}),
-               std::invalid_argument);
+  EXPECT_THROW(store_.add_archive("Town", "1", {source_of(tar()), "body"}), std::invalid_argument);
 }
 
 TEST_F(StoreArchiveTest, ADownloadSaysThatItsVersionWasRemoved) {

@@ -1,4 +1,5 @@
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include "store/drive_store.hpp"
@@ -70,8 +71,9 @@ class StoreScenarioTest : public ::testing::Test {
       return [=, this](Store& store) { store->add(map, name, sources_ / source); };
     };
     const auto add_archive = [](const char* name, const std::string& tar) {
-      return
-          [=](Store& store) { store->add_archive("town", name, test::source_of(tar), "body", {}); };
+      return [=](Store& store) {
+        store->add_archive("town", name, {test::source_of(tar), "body"});
+      };
     };
     return {
         open,
@@ -121,7 +123,7 @@ class StoreScenarioTest : public ::testing::Test {
         add_archive("up", tar_),
         [](Store& store) {
           store->drive_bytes.complete_upload(3, [&](const ByteSource& source, std::uint64_t) {
-            store->add_archive("town", "up", source, "upload", {});
+            store->add_archive("town", "up", {source, "upload"});
           });
         },
         [](Store& store) { store->drive_bytes.remove(3); },
@@ -153,7 +155,7 @@ class StoreScenarioTest : public ::testing::Test {
 
   static void add_part(WholeStore& store, std::int64_t id, std::int64_t n,
                        const std::string& bytes) {
-    store.drive_bytes.add_part(id, n, bytes.size(), test::source_of(bytes), {}, {});
+    store.drive_bytes.add_part(id, {n, bytes.size(), test::source_of(bytes)}, {});
   }
 
   const std::string drive_tar_ = test::tar_file("a/0.bin", drive_scan()) + test::tar_end();
@@ -276,7 +278,7 @@ class MendTest : public ::testing::TestWithParam<bool> {
   }
   void mend(PackageStore& store) const {
     if (GetParam())
-      store.add_archive("town", "a", test::source_of(tar_), "body", {});
+      store.add_archive("town", "a", {test::source_of(tar_), "body"});
     else
       store.add("town", "a", package_);
   }
@@ -285,7 +287,7 @@ class MendTest : public ::testing::TestWithParam<bool> {
     try {
       UnsyncedCalls calls;
       PackageStore store(folder, calls);
-      const auto problems = store.verify();
+      const auto problems = verify_store(store);
       if (problems.empty()) return "";
       const bool as_before = problems.front().what.ends_with("says: tiles/0_0_0.bin");
       return as_before && !acknowledged ? "" : problems.front().what;

@@ -1,4 +1,5 @@
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include "store/map_name.hpp"
@@ -88,11 +89,11 @@ TEST_F(PackageStoreTest, SurvivesThatMemoryRunsOutWhileWhatWasRefusedIsRemoved) 
   NoMemory calls;
   {
     PackageStore store(store_, calls);
-    EXPECT_THROW(store.add_archive("town", "1", test::source_of(no_package), "town/1", {}),
+    EXPECT_THROW(store.add_archive("town", "1", {test::source_of(no_package), "town/1"}),
                  maps::InputError);
     EXPECT_FALSE(fs::is_empty(store_ / "packages"));
     EXPECT_THROW(
-        extract_drive(test::source_of(no_package), "drive", folder_.path() / "drive", {}, calls),
+        extract_drive({test::source_of(no_package), "drive"}, folder_.path() / "drive", calls),
         maps::InputError);
     calls.at_the_state_too(true);
     EXPECT_THROW(store.create_map("yard"), maps::StorageError);
@@ -137,8 +138,8 @@ TEST_F(PackageStoreTest, PublishesByDigestAndServesWhatIsActive) {
   EXPECT_EQ(store.open("town", "2")->digest(), second_);
   EXPECT_EQ(store.open("town", "1")->tile({}).size(), 100U);
   EXPECT_TRUE(fs::exists(package(first_) / "build.json"));
-  EXPECT_THAT(store.verify(), IsEmpty());
-  EXPECT_THAT(store.unnamed_packages(), IsEmpty());
+  EXPECT_THAT(verify_store(store), IsEmpty());
+  EXPECT_THAT(unnamed_packages(store), IsEmpty());
   EXPECT_EQ(store.not_cleared_because(), "");
 }
 
@@ -203,7 +204,7 @@ TEST_F(PackageStoreTest, VerifyNamesWhatIsBroken) {
   spoil(package(first_) / "tiles/0_0_0.bin");
   fs::remove(package(second_) / "tiles/0_0_0.bin");
   std::map<std::string, std::string> what;
-  for (const PackageStore::Problem& problem : store.verify()) {
+  for (const StoreProblem& problem : verify_store(store)) {
     EXPECT_EQ(problem.map, "town");
     what[problem.version] = problem.what;
   }
@@ -221,12 +222,12 @@ TEST_F(PackageStoreTest, MendsADamagedPackageThatIsAddedAgain) {
   };
   const std::string tar = test::tar_of(folder_.path() / "first", "town/") + test::tar_end();
   const auto add_archive = [&](const char* version) {
-    return store.add_archive("town", version, test::source_of(tar), "body", {}).is_new;
+    return store.add_archive("town", version, {test::source_of(tar), "body"}).is_new;
   };
   EXPECT_TRUE(add("1"));
   store.activate("town", "1");
   const auto expect_whole = [&](const char* after) {
-    EXPECT_THAT(store.verify(), IsEmpty()) << after;
+    EXPECT_THAT(verify_store(store), IsEmpty()) << after;
     EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_)) << after;
     EXPECT_EQ(store.state().map("town").active, "1");
   };
@@ -257,7 +258,7 @@ TEST_F(PackageStoreTest, LeavesAWholePackageWhereItIsWhenItIsAddedAgain) {
   store.add("town", "1", folder_.path() / "first");
   store.add("town", "2", folder_.path() / "first");
   const std::string tar = test::tar_of(folder_.path() / "first", "") + test::tar_end();
-  store.add_archive("town", "1", test::source_of(tar), "body", {});
+  store.add_archive("town", "1", {test::source_of(tar), "body"});
   EXPECT_TRUE(fs::exists(package(first_) / "index/cache"));
 }
 
@@ -267,7 +268,7 @@ TEST_F(PackageStoreTest, MendsBeyondItsQuota) {
   store.set_quota({.store_bytes = 1});
   spoil(package(first_) / "tiles/0_0_0.bin");
   store.add("town", "1", folder_.path() / "first");
-  EXPECT_THAT(store.verify(), IsEmpty());
+  EXPECT_THAT(verify_store(store), IsEmpty());
 }
 
 TEST_F(PackageStoreTest, NeverActivatesWhatCannotBeOpened) {
@@ -292,20 +293,20 @@ TEST_F(PackageStoreTest, ClearsWhatKilledWritersLeftAndNothingElse) {
   ASSERT_TRUE(being_written);
   PackageStore store(store_, calls_);
   EXPECT_THAT(listing(store_ / "packages"), ElementsAre(".incoming-1-2", first_, "notes.txt"));
-  EXPECT_EQ(store.gc().leftovers, 0U);
+  EXPECT_EQ(clear_unused(store).leftovers, 0U);
 }
 
 TEST_F(PackageStoreTest, KeepsUnnamedPackagesUntilTheyAreAddedOrCleared) {
   { PackageStore(store_, calls_).add("town", "1", folder_.path() / "first"); }
   fs::copy(folder_.path() / "second", package(second_), fs::copy_options::recursive);
   PackageStore store(store_, calls_);
-  EXPECT_THAT(store.unnamed_packages(), ElementsAre(second_));
+  EXPECT_THAT(unnamed_packages(store), ElementsAre(second_));
   spoil(package(second_) / "tiles/0_0_0.bin");
   store.add("town", "2", folder_.path() / "second");
-  EXPECT_THAT(store.verify(), IsEmpty()) << "a broken one is not taken over";
+  EXPECT_THAT(verify_store(store), IsEmpty()) << "a broken one is not taken over";
   store.remove("town", "2");
   fs::copy(folder_.path() / "second", package(second_), fs::copy_options::recursive);
-  EXPECT_THAT(store.gc().packages, ElementsAre(second_));
+  EXPECT_THAT(clear_unused(store).packages, ElementsAre(second_));
   EXPECT_THAT(listing(store_ / "packages"), ElementsAre(first_));
 }
 
@@ -314,7 +315,7 @@ TEST_F(PackageStoreTest, LeavesNothingOfWhatItRefuses) {
   store.add("town", "1", folder_.path() / "first");
   store.remove("town", "1");
   const std::string tar = test::tar_of(folder_.path() / "second", "") + test::tar_end();
-  const auto add_tar = [&] { store.add_archive("town", "1", test::source_of(tar), "tar", {}); };
+  const auto add_tar = [&] { store.add_archive("town", "1", {test::source_of(tar), "tar"}); };
   expect_refused(Reason::kOtherDigest, add_tar);
   EXPECT_THAT(listing(store_ / "packages"), IsEmpty());
   expect_refused(Reason::kOtherDigest, [&] { store.add("town", "1", folder_.path() / "second"); });
@@ -338,9 +339,10 @@ TEST_F(PackageStoreTest, KeepsWhatOthersHoldOfWhatItRefuses) {
   store.add("town", "2", folder_.path() / "second");
   store.remove("town", "1");
   const std::string tar = test::tar_of(folder_.path() / "second", "") + test::tar_end();
-  expect_refused(Reason::kOtherDigest,
-                 [&] { store.add_archive("town", "1", test::source_of(tar), "tar", {}); });
-  EXPECT_THAT(store.verify(), IsEmpty());
+  expect_refused(Reason::kOtherDigest, [&] {
+    store.add_archive("town", "1", {test::source_of(tar), "tar"});
+  });
+  EXPECT_THAT(verify_store(store), IsEmpty());
   EXPECT_THAT(listing(store_ / "packages"), ElementsAre(second_));
 }
 

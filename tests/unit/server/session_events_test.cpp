@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <future>
+
 #include <thread>
 
 #include "pose/clock_skew.hpp"
@@ -23,6 +26,23 @@ TEST(SessionEvents, AStreamThatComesBackGoesOnWhereItWas) {
   EXPECT_EQ(read.events[1].data, "3");
   EXPECT_EQ(read.missed, 0U);
   EXPECT_TRUE(events.after(3, kAtOnce).events.empty());
+}
+
+TEST(SessionEvents, WhoWaitsIsWokenByTheNextOneAndByTheEnd) {
+  SessionEvents events;
+  const auto wait = [&](std::uint64_t last_id) {
+    return std::async(std::launch::async,
+                      [&events, last_id] { return events.after(last_id, std::chrono::hours(1)); });
+  };
+  auto first = wait(0);
+  // It has nothing yet.
+  EXPECT_EQ(first.wait_for(std::chrono::milliseconds(50)), std::future_status::timeout);
+  events.add("status", "{}");
+  EXPECT_EQ(first.get().events.size(), 1U);
+  auto second = wait(1);
+  EXPECT_EQ(second.wait_for(std::chrono::milliseconds(50)), std::future_status::timeout);
+  events.close();
+  EXPECT_TRUE(second.get().closed);
 }
 
 TEST(SessionEvents, OldOnesAreForgottenAndThatIsSaid) {

@@ -3,6 +3,7 @@
 #include <stillmap/maps/error.hpp>
 #include "store/map_name.hpp"
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <fstream>
 #include <optional>
@@ -36,14 +37,17 @@ TEST_F(SingleMapStoreTest, HasTheMapActiveWithoutACopy) {
   const auto package = store.open("my-yard", SingleMapStore::kVersion);
   EXPECT_EQ(package->digest(), digest_);
   EXPECT_EQ(fs::canonical(package->folder()), fs::canonical(package_));
-  EXPECT_TRUE(store.verify().empty());
+  EXPECT_TRUE(verify_store(store).empty());
 }
 
 TEST_F(SingleMapStoreTest, IsRemovedAndLeavesThePackage) {
   std::optional<SingleMapStore> single(package_);
   const fs::path folder = single->folder();
   // What a server does at its start and now and then.
-  PackageStore(folder).gc();
+  {
+    PackageStore store(folder);
+    clear_unused(store);
+  }
   single.reset();
   EXPECT_FALSE(fs::exists(folder));
   EXPECT_TRUE(maps::MapPackage::open(package_)->verify().empty());

@@ -1,7 +1,8 @@
 #include "store/package_store.hpp"
+#include "store/store_upkeep.hpp"
 
 #include <stillmap/maps/error.hpp>
-#include "store/backup_check.hpp"
+#include "store/store_backup.hpp"
 
 #include <sys/stat.h>
 
@@ -51,7 +52,7 @@ class StoreBackupTest : public ::testing::Test {
   /// What a backup holds, when it is made a store again.
   [[nodiscard]] std::unique_ptr<PackageStore> restored() {
     const fs::path target = folder_.path() / ("restored" + std::to_string(restored_++));
-    PackageStore::restore(backup_, target, calls_);
+    restore_store(backup_, target, calls_);
     return std::make_unique<PackageStore>(target, calls_);
   }
 
@@ -98,20 +99,20 @@ TEST_F(StoreBackupTest, StateOfAStoreAndItsBackupIsReadByItsOwnerAlone) {
     const PackageStore store(made, calls_);
     for (const char* name : {"state.db", "state.db-wal"})
       EXPECT_EQ(fs::status(made / name).permissions(), fs::perms{0600}) << name;
-    store.backup(backup_);
+    back_up_store(store, backup_);
   }
   EXPECT_EQ(fs::status(backup_ / "state.db").permissions(), fs::perms{0600});
   EXPECT_EQ(fs::status(backup_).permissions(), fs::perms{0700});
-  PackageStore::restore(backup_, folder_.path() / "again", calls_);
+  restore_store(backup_, folder_.path() / "again", calls_);
   EXPECT_EQ(fs::status(folder_.path() / "again" / "state.db").permissions(), fs::perms{0600});
   ::umask(before);
 }
 
 TEST_F(StoreBackupTest, AServerThatIsStartedMeanwhileOpensWhatIsRestored) {
-  store_->backup(backup_);
+  back_up_store(*store_, backup_);
   const fs::path target = folder_.path() / "restored";
   OpensEarly calls(target);
-  PackageStore::restore(backup_, target, calls);
+  restore_store(backup_, target, calls);
   PackageStore& early = calls.store();
   EXPECT_EQ(early.state().map("town").active, "1");
   early.add("town", "2", folder_.path() / "second");
@@ -119,10 +120,10 @@ TEST_F(StoreBackupTest, AServerThatIsStartedMeanwhileOpensWhatIsRestored) {
 }
 
 TEST_F(StoreBackupTest, WhatARestoreLeftThatFailedIsNoStore) {
-  store_->backup(backup_);
+  back_up_store(*store_, backup_);
   spoil(backup_ / "packages" / first_ / "manifest.json");
   const fs::path target = folder_.path() / "restored";
-  EXPECT_THROW(PackageStore::restore(backup_, target, calls_), std::runtime_error);
+  EXPECT_THROW(restore_store(backup_, target, calls_), std::runtime_error);
   EXPECT_THAT([&] { const PackageStore store(target, calls_); },
               ThrowsSaying<maps::InputError>({"restored/state.db"}));
 }
@@ -137,11 +138,11 @@ TEST_F(StoreBackupTest, BringsBackAllButDrives) {
   const std::int64_t waiting = store_->jobs().enqueue({.map = "town"}, 4).job.id;
   store_->audit().append({.time_ns = 5, .subject = "town"});
   const SavedEdits edits = store_->edits().save("town", "corrections", "k", 6);
-  EXPECT_EQ(store_->backup(backup_).copied, 1U);
+  EXPECT_EQ(back_up_store(*store_, backup_).copied, 1U);
   EXPECT_EQ(store_->jobs().job(waiting).status, JobStatus::kEnqueued) << "the store goes on";
 
   const auto again = restored();
-  EXPECT_THAT(again->verify(), IsEmpty());
+  EXPECT_THAT(verify_store(*again), IsEmpty());
   EXPECT_EQ(again->open("town", *again->state().map("town").active)->digest(), first_);
   EXPECT_EQ(again->keys().check(key, 1).verdict, KeyCheck::Verdict::kGood);
   EXPECT_EQ(again->jobs().job(done), store_->jobs().job(done));
@@ -153,14 +154,14 @@ TEST_F(StoreBackupTest, BringsBackAllButDrives) {
 }
 
 TEST_F(StoreBackupTest, TakesOnlyWhatIsNewAndDropsWhatIsGone) {
-  EXPECT_EQ(store_->backup(backup_).copied, 1U);
+  EXPECT_EQ(back_up_store(*store_, backup_).copied, 1U);
   store_->add("town", "2", folder_.path() / "second");
-  const PackageStore::BackedUp next = store_->backup(backup_);
+  const BackedUp next = back_up_store(*store_, backup_);
   EXPECT_EQ(next.copied, 1U);
   EXPECT_EQ(next.kept, 1U);
   store_->activate("town", "2");
   store_->remove("town", "1");
-  EXPECT_EQ(store_->backup(backup_).kept, 1U);
+  EXPECT_EQ(back_up_store(*store_, backup_).kept, 1U);
   EXPECT_FALSE(fs::exists(backup_ / "packages" / first_));
   EXPECT_EQ(restored()->state().map("town").active, "2");
 }
@@ -171,7 +172,7 @@ TEST_F(StoreBackupTest, TakesNoRoomOnTheSameDiskAndSharesNoFileWithARestoredStor
     EXPECT_EQ(::stat(file.c_str(), &status), 0) << file;
     return status.st_nlink;
   };
-  store_->backup(backup_);
+  back_up_store(*store_, backup_);
   const fs::path tile = fs::path("packages") / first_ / "tiles/0_0_0.bin";
   EXPECT_EQ(links(backup_ / tile), 2U);
   const auto again = restored();
@@ -189,42 +190,42 @@ class NoLinks : public UnsyncedCalls {
 TEST_F(StoreBackupTest, CopiesWhereTheDiskAllowsNoLinks) {
   NoLinks no_links;
   const PackageStore store(folder_.path() / "store", no_links);
-  EXPECT_EQ(store.backup(backup_).copied, 1U);
-  EXPECT_THAT(restored()->verify(), IsEmpty());
+  EXPECT_EQ(back_up_store(store, backup_).copied, 1U);
+  EXPECT_THAT(verify_store(*restored()), IsEmpty());
 }
 
 TEST_F(StoreBackupTest, BringsAgainWhatWasDamagedOnceThatWasLookedFor) {
   const fs::path tile = fs::path("packages") / first_ / "tiles/0_0_0.bin";
   EXPECT_EQ(drop_damaged_of_backup(backup_, calls_), 0U) << "there is none";
   EXPECT_FALSE(fs::exists(backup_));
-  store_->backup(backup_);
+  back_up_store(*store_, backup_);
   EXPECT_EQ(drop_damaged_of_backup(backup_, calls_), 0U);
   // The store's own, under its second name.
   spoil(backup_ / tile);
   store_->add("town", "1", folder_.path() / "first");
-  EXPECT_EQ(store_->backup(backup_).kept, 1U) << "nobody looked";
+  EXPECT_EQ(back_up_store(*store_, backup_).kept, 1U) << "nobody looked";
   EXPECT_THAT([&] { static_cast<void>(restored()); },
               ThrowsSaying<maps::InputError>({"0_0_0.bin"}));
   EXPECT_EQ(drop_damaged_of_backup(backup_, calls_), 1U);
-  EXPECT_EQ(store_->backup(backup_).copied, 1U);
-  EXPECT_THAT(restored()->verify(), IsEmpty());
+  EXPECT_EQ(back_up_store(*store_, backup_).copied, 1U);
+  EXPECT_THAT(verify_store(*restored()), IsEmpty());
   EXPECT_EQ(std::distance(fs::directory_iterator(backup_ / "packages"), {}), 1);
 }
 
 TEST_F(StoreBackupTest, RefusesABrokenPackage) {
   const fs::path tile = fs::path("packages") / first_ / "tiles/0_0_0.bin";
-  store_->backup(backup_);
+  back_up_store(*store_, backup_);
   const fs::path copy = folder_.path() / "spoilt";
   fs::copy(backup_, copy, fs::copy_options::recursive);
   spoil(copy / tile);
-  EXPECT_THAT([&] { PackageStore::restore(copy, folder_.path() / "new", calls_); },
+  EXPECT_THAT([&] { restore_store(copy, folder_.path() / "new", calls_); },
               ThrowsSaying<maps::InputError>({"0_0_0.bin"}));
 }
 
 TEST_F(StoreBackupTest, SavesAllButABrokenPackage) {
   store_->add("town", "2", folder_.path() / "second");
   spoil(folder_.path() / "store/packages" / first_ / "tiles/0_0_0.bin");
-  EXPECT_THAT([&] { store_->backup(backup_); },
+  EXPECT_THAT([&] { back_up_store(*store_, backup_); },
               ThrowsSaying<maps::InputError>({"town/1", "0_0_0.bin", "manifest.json"}));
   EXPECT_EQ(std::distance(fs::directory_iterator(backup_ / "packages"), {}), 1);
   EXPECT_THAT([&] { (void)restored(); }, ThrowsSaying<maps::InputError>({"no package", "town/1"}));
@@ -232,8 +233,8 @@ TEST_F(StoreBackupTest, SavesAllButABrokenPackage) {
   EXPECT_EQ(again.open("town", "2")->digest(), second_);
   // Mended, it is brought with the next one.
   store_->add("town", "1", folder_.path() / "first");
-  EXPECT_EQ(store_->backup(backup_).copied, 1U);
-  EXPECT_THAT(restored()->verify(), IsEmpty());
+  EXPECT_EQ(back_up_store(*store_, backup_).copied, 1U);
+  EXPECT_THAT(verify_store(*restored()), IsEmpty());
 }
 
 TEST_F(StoreBackupTest, SavesAllButAPackageThatTheDiskDoesNotRead) {
@@ -245,7 +246,7 @@ TEST_F(StoreBackupTest, SavesAllButAPackageThatTheDiskDoesNotRead) {
   NoLinks no_links;
   const PackageStore store(folder_.path() / "store", no_links);
   EXPECT_THAT(
-      [&] { store.backup(backup_); },
+      [&] { back_up_store(store, backup_); },
       ThrowsSaying<maps::InputError>({"town/1", "0_0_0.bin", "No such device", "all else"}));
   EXPECT_EQ(std::distance(fs::directory_iterator(backup_ / "packages"), {}), 1);
   EXPECT_THAT([&] { (void)restored(); }, ThrowsSaying<maps::InputError>({"no package", "town/1"}));
@@ -260,7 +261,7 @@ TEST_F(StoreBackupTest, ATargetThatTakesNothingIsNoBrokenPackage) {
              call.path.string().starts_with((backup_ / "packages/").string());
     });
     const PackageStore store(folder_.path() / "store", calls);
-    EXPECT_THAT([&] { store.backup(backup_); },
+    EXPECT_THAT([&] { back_up_store(store, backup_); },
                 ThrowsSaying<maps::StorageError>({"backup/packages"}));
     EXPECT_FALSE(fs::exists(backup_ / "state.db")) << "not committed";
     EXPECT_GE(calls.failed(), 2U);
@@ -269,14 +270,14 @@ TEST_F(StoreBackupTest, ATargetThatTakesNothingIsNoBrokenPackage) {
 
 TEST_F(StoreBackupTest, NeverWritesOverAnythingElse) {
   folder_.write("notes/a.txt", "of the operator");
-  EXPECT_THAT([&] { store_->backup(folder_.path() / "notes"); },
+  EXPECT_THAT([&] { back_up_store(*store_, folder_.path() / "notes"); },
               ThrowsSaying<maps::InputError>({"notes", "something else"}));
-  EXPECT_THAT([&] { store_->backup(folder_.path() / "store"); },
+  EXPECT_THAT([&] { back_up_store(*store_, folder_.path() / "store"); },
               ThrowsSaying<maps::InputError>({"store", "something else"}));
-  store_->backup(backup_);
-  EXPECT_THAT([&] { PackageStore::restore(backup_, folder_.path() / "notes", calls_); },
+  back_up_store(*store_, backup_);
+  EXPECT_THAT([&] { restore_store(backup_, folder_.path() / "notes", calls_); },
               ThrowsSaying<maps::InputError>({"notes", "with content"}));
-  EXPECT_THAT([&] { PackageStore::restore(folder_.path() / "store", backup_, calls_); },
+  EXPECT_THAT([&] { restore_store(folder_.path() / "store", backup_, calls_); },
               ThrowsSaying<maps::InputError>({"no finished backup"}));
   EXPECT_THAT([&] { const PackageStore store(backup_, calls_); },
               ThrowsSaying<maps::InputError>({"a backup", "restore it"}));
@@ -295,13 +296,13 @@ TEST_F(StoreBackupTest, IsOfOneInstantWhileOthersWrite) {
     }
   });
   for (int i = 0; i < 10; ++i) {
-    store_->backup(backup_);
-    EXPECT_THAT(restored()->verify(), IsEmpty());
+    back_up_store(*store_, backup_);
+    EXPECT_THAT(verify_store(*restored()), IsEmpty());
   }
 }
 
 TEST_F(StoreBackupTest, LeavesTheEarlierBackupWhicheverCallFails) {
-  store_->backup(backup_);
+  back_up_store(*store_, backup_);
   store_->add("town", "2", folder_.path() / "second");
   store_->activate("town", "2");
   bool failed = true;
@@ -319,18 +320,18 @@ TEST_F(StoreBackupTest, LeavesTheEarlierBackupWhicheverCallFails) {
     armed = true;
     bool done = false;
     try {
-      store.backup(backup);
+      back_up_store(store, backup);
       done = true;
     } catch (const maps::StorageError&) {
     }
     failed = calls.failed() > 0;
     const fs::path target = copy.path() / "restored";
-    PackageStore::restore(backup, target, calls_);
+    restore_store(backup, target, calls_);
     const PackageStore again(target, calls_);
-    EXPECT_THAT(again.verify(), IsEmpty()) << at;
+    EXPECT_THAT(verify_store(again), IsEmpty()) << at;
     const std::string active = *again.state().map("town").active;
     EXPECT_TRUE(active == "2" || (active == "1" && !done)) << at;
-    store_->backup(backup);
+    back_up_store(*store_, backup);
   }
 }
 

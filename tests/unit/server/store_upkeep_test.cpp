@@ -1,3 +1,4 @@
+#include "store/store_upkeep.hpp"
 #include "store/package_store.hpp"
 
 #include <stillmap/maps/derived_file.hpp>
@@ -88,7 +89,7 @@ TEST_F(StoreUpkeepTest, RemovesAnActiveMapOnlyWhenToldSo) {
   EXPECT_THAT(store.state().maps(), ElementsAre(::testing::Field(&StoredMap::name, "depot")));
   EXPECT_THAT(packages(), ElementsAre(second_)) << "the other map holds it";
   EXPECT_THAT(store.state().condemned(), IsEmpty());
-  EXPECT_THAT(store.verify(), IsEmpty());
+  EXPECT_THAT(verify_store(store), IsEmpty());
 }
 
 TEST_F(StoreUpkeepTest, AMapMadeAgainIsAtNoRevisionThatItWasAtBefore) {
@@ -143,11 +144,11 @@ TEST_F(StoreUpkeepTest, ClearsHalvesOfDerivedFilesThatKilledWritersLeft) {
   EXPECT_TRUE(fs::exists(foreign)) << "of the package itself nothing is touched";
   leave();
   maps::DerivedFile under_way(package / "layers" / "coverage.layer");
-  EXPECT_EQ(store.gc().leftovers, 1U);
+  EXPECT_EQ(clear_unused(store).leftovers, 1U);
   EXPECT_FALSE(fs::exists(dead));
   EXPECT_TRUE(fs::exists(package / "layers" / ".coverage.layer.partial"));
   under_way.publish();
-  EXPECT_EQ(store.gc().leftovers, 0U);
+  EXPECT_EQ(clear_unused(store).leftovers, 0U);
 }
 
 TEST_F(StoreUpkeepTest, RefusesWhatIsOverTheQuotaBeforeCopying) {
@@ -199,7 +200,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
   EXPECT_EQ(store.state().map("town").active, "1");
   EXPECT_THAT(store.keys().list(), IsEmpty());
   EXPECT_EQ(store.jobs().enqueue({.map = "town"}, 1).job.status, JobStatus::kEnqueued);
-  EXPECT_THAT(store.verify(), IsEmpty());
+  EXPECT_THAT(verify_store(store), IsEmpty());
 }
 
 /// The same of version 3.
@@ -223,7 +224,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
   EXPECT_FALSE(store.edits().of_map("town").saved_ns);
   EXPECT_TRUE(store.drives().open_upload("town", {.version = "v"}, 1).is_upload());
   EXPECT_EQ(store.edits().save("town", "some", "", 1).text, "some");
-  EXPECT_THAT(store.verify(), IsEmpty());
+  EXPECT_THAT(verify_store(store), IsEmpty());
   EXPECT_EQ(store.audit().append({.subject = "d"}), 4);
   EXPECT_EQ(store.audit().check().records, 4U);
   EXPECT_FALSE(store.audit().check().first_wrong_id) << "older records are chained too";
@@ -249,13 +250,13 @@ class ReadOnlyStoreTest : public StoreUpkeepTest {
     EXPECT_THAT(store.read_only_because(), HasSubstr(why));
     EXPECT_EQ(store.open("town", *store.state().map("town").active)->digest(), first_);
     EXPECT_EQ(store.keys().check(key_, 1).verdict, KeyCheck::Verdict::kGood);
-    EXPECT_THAT(store.verify(), IsEmpty());
+    EXPECT_THAT(verify_store(store), IsEmpty());
     const auto refused = ThrowsSaying<maps::StorageError>({"for reading only"});
     EXPECT_THAT([&] { store.add("town", "2", source("second")); }, refused);
     EXPECT_THAT([&] { store.activate("town", "1", 1); }, refused);
     EXPECT_THAT([&] { store.create_map("depot"); }, refused);
     EXPECT_THAT([&] { store.remove_map("town"); }, refused);
-    EXPECT_THAT([&] { store.gc(); }, refused);
+    EXPECT_THAT([&] { clear_unused(store); }, refused);
     EXPECT_THAT([&] { store.keys().create("x", {.bits = 1}, {}, 1); }, refused);
     EXPECT_THAT([&] { store.audit().append({}); }, refused);
   }

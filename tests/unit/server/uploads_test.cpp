@@ -62,7 +62,7 @@ TEST_F(Uploads, PackageBecomesAVersionWhenItsPartsAreThere) {
   EXPECT_EQ(put(path + "/parts/2", tar_.substr(700)).status, 201);
   const json missing = body(send("POST", path + "/complete"));
   EXPECT_EQ(missing["code"], "PartsMissing");
-  EXPECT_EQ(missing["detail"], "upload 1 has 1 parts up to number 2");
+  EXPECT_EQ(missing["detail"], "upload 1 has 1 parts up to number 2: send the missing ones");
   EXPECT_EQ(put(path + "/parts/1", tar_.substr(0, 700)).status, 201);
   EXPECT_EQ(put(path + "/parts/1", tar_.substr(0, 700)).status, 200);
   EXPECT_EQ(body(put(path + "/parts/1", "other"))["code"], "OtherDigest");

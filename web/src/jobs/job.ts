@@ -47,9 +47,9 @@ export function isOver({ status }: Pick<Job, 'status'>): boolean {
   return status === 'succeeded' || status === 'failed' || status === 'canceled';
 }
 
-/** "map: survey" as "Map: survey". */
+/** "map: survey" as "Map: survey", and the second map of a rebuild, "keep", in words. */
 export function stageWords(stage: string): string {
-  return firstUpper(stage);
+  return firstUpper(stage.replace(/^keep: /, 'map to compare with: '));
 }
 
 /** How long it took, or has run so far; empty before it starts. */
@@ -68,7 +68,7 @@ export function outcomeOf({ status, error, result, kind }: Pick<Job, 'status' | 
   if (result.activated === true) return `${made} and active.`;
   if (kind === 'convert') return `${made}. Vehicles use it after you activate it.`;
   const because = result.not_activated_because ?? [];
-  if (because.length > 0) return `${made}, but not active: ${because.join('; ')}.`;
+  if (because.length > 0) return `${made}, but not active: ${because.join('; ')}. Compare it with the active version, and activate it if you want it.`;
   return failedItsChecks({ result }) ? `${made}. It did not pass the checks: look at them before you activate it.` : `${made}. You can activate it.`;
 }
 

@@ -4,8 +4,8 @@ export interface ScanLimits {
   maxBytes: number;
 }
 
-/** As many points as a server accepts by default, with up to 256 bytes each: the page holds the whole file in memory. */
-export const kScanLimits: ScanLimits = { maxPoints: 1_000_000, maxBytes: 256_000_000 };
+/** As many points as a server accepts by default, with up to 128 bytes each: the page holds the whole file in memory. */
+export const kScanLimits: ScanLimits = { maxPoints: 2_000_000, maxBytes: 256_000_000 };
 
 /** A file that is not a usable scan. The message names the file, what is wrong, and what to do. */
 export class ScanError extends Error {
@@ -27,7 +27,7 @@ export interface ScanPoints {
 /** @throws ScanError when there are more points than allowed. */
 export function checkPointCount(file: string, points: number, limits: ScanLimits): void {
   if (points > limits.maxPoints) {
-    throw new ScanError(file, `it has ${points} points, and at most ${limits.maxPoints} are allowed`, 'Choose a single scan, not a map');
+    throw new ScanError(file, `it has ${points} points, and at most ${limits.maxPoints} are allowed`, 'Choose a single scan, not a map; thin a scan that is larger');
   }
 }
 

@@ -14,14 +14,14 @@ const kUsualStep_ns = 100_000_000n;
  */
 export function stampsOf(scans: number, times: string | null): Stamps {
   const usual = Array.from({ length: scans }, (_, i) => String(BigInt(i + 1) * kUsualStep_ns));
-  if (times === null) return { stamps_ns: usual, source: 'no times.txt, so 10 scans per second are assumed' };
+  if (times === null) return { stamps_ns: usual, source: 'no times.txt, so 10 scans per second are assumed; add times.txt if that is wrong' };
   const lines = times.split('\n').map((line) => line.trim().split(/\s+/)[0]!).filter((word) => word !== '');
   if (lines.length < scans) {
-    return { stamps_ns: usual, source: `times.txt has ${lines.length} lines for ${scans} scans, so 10 scans per second are assumed` };
+    return { stamps_ns: usual, source: `times.txt has ${lines.length} lines for ${scans} scans and is not used: 10 scans per second are assumed; if that is wrong, correct times.txt` };
   }
   const stamps = lines.slice(0, scans).map(secondsToNs);
   const grows = stamps.every((stamp, i) => stamp !== null && (i === 0 || stamp > stamps[i - 1]!));
-  if (!grows) return { stamps_ns: usual, source: 'times.txt does not contain increasing seconds, so 10 scans per second are assumed' };
+  if (!grows) return { stamps_ns: usual, source: 'times.txt does not contain increasing seconds and is not used: 10 scans per second are assumed; if that is wrong, correct times.txt' };
   return { stamps_ns: stamps.map(String), source: 'times.txt' };
 }
 

@@ -88,8 +88,8 @@ function useNewFrame(version: string, active: string | undefined) {
     choice: refused ? (
       <div class="remark" role="alert">
         <p>
-          {version} uses another map frame than {active}: the same position can mean another place. Stored positions in this map,
-          such as priors and open sessions, would then point to wrong places.
+          {version} is not known to be in the map frame of {active}: the same position can mean another place. Stored positions in this
+          map, such as priors, would then point to wrong places. To avoid this, build {version} again with --register-to.
         </p>
         <label class="check">
           <input type="checkbox" checked={meant} onChange={(event) => setMeant(event.currentTarget.checked)} />

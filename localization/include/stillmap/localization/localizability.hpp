@@ -7,11 +7,11 @@
 
 namespace stillmap::localization {
 
-/// How well a scan would be held in place, for places of a map where a sensor can stand, in cells
-/// of 5 m (coarser where a map has more than 62,500 tiles).
+/// How well the map constrains a scan that is taken at a place, for places where a sensor can be,
+/// in cells of 5 m (coarser where a map has more than 62,500 tiles).
 ///
-/// The information about (x, y, yaw) that a scan taken there brings when it is matched with the
-/// map's planes and posts: M = sum w J J^T over the voxels of a metre within 50 m, with J = (g_x,
+/// The information about (x, y, yaw) of a scan that is matched there with the map's planes and
+/// posts: M = sum w J J^T over the voxels of a metre within 50 m, with J = (g_x,
 /// g_y, (r x g)_z / 15 m) of each one's sharpest axis g at r from the sensor. This is Fisher's
 /// information of such a match (Censi, "On achievable accuracy for range-finder localization", ICRA
 /// 2007), and its smallest eigenvalue the degeneracy factor of Zhang, Kaess and Singh ("On
@@ -25,14 +25,14 @@ namespace stillmap::localization {
 ///   the map knows of no ground); the sensor stands as high above it as those that made the map did
 ///   in the median, else 1.8 m.
 /// - `localizability` in [0, 1]: 3 (e - 3.5 f) / max(trace M, 300), with e the smallest eigenvalue
-///   and f what noise feigns along its vector: 1 where surfaces face all ways alike, 0 where some
-///   motion is not told, and less than 1 where there is little to be seen.
+///   and f the information that noise alone would show along its vector: 1 where surfaces face all
+///   directions alike, 0 where the scan can move along some direction without a worse fit, and less
+///   than 1 where there is little to see.
 /// - `weak_direction` [rad, from +x of the map frame towards +y, in (-pi/2, pi/2]]: horizontal
-/// motion
-///   that is told worst; NaN where that is a turn.
+///   direction that is constrained least; NaN if the weakest motion is a turn.
 ///
-/// It knows the map alone: what moves, and how the scan's own points lie, is not in it.
-/// @param go_on  as `maps::coverage_of`. @return nothing when it was told to stop.
+/// It is computed from the map alone: moving objects and the points of a real scan are not in it.
+/// @param go_on  as `maps::coverage_of`. @return nothing if it was stopped.
 /// @throws maps::InputError for trajectories that cannot be read.
 /// @note Reads every point. Same map, same bits.
 [[nodiscard]] std::optional<maps::TileLayer> localizability_of(const maps::MapPackage& map,

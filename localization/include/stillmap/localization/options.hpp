@@ -19,18 +19,19 @@ struct AlignerOptions {
   double search_radius_m = 6.0;
   /// The same for the yaw [rad], in [0.05, pi]; the time grows in proportion.
   double search_yaw_rad = 0.40;
-  /// How far up and down other floors are tried [m], in [0, 30]. 0 where a prior always knows the
-  /// storey.
+  /// How far up and down other storeys are tried [m], in [0, 30]. 0 if priors are always of the
+  /// right storey.
   double search_height_m = 6.0;
-  /// When nothing fits around such a prior, the places that the map was made from are tried this
-  /// far around it [m], in [0, 200] (two seconds of driving); 0 = never.
+  /// If nothing fits around a prior without covariance, the places that the map was driven at are
+  /// tried up to this far from it [m], in [0, 200] (the default: two seconds of driving); 0 =
+  /// never.
   double lost_radius_m = 30.0;
   /// The same for the yaw [rad], in [0.05, pi].
   double lost_yaw_rad = 1.0;
   /// How many starts around the prior are refined, in [1, 20]. More find more look-alike places;
   /// the time grows in proportion.
   int max_candidates = 3;
-  /// The same for a search of the whole map, or of a wide prior, in [1, 50].
+  /// The same for a search without a prior, or with a prior of large covariance, in [1, 50].
   int max_places = 5;
   /// Points nearer than this are taken for the vehicle itself, unless a quarter of the scan is
   /// that near [m], in [0, 20]: bonnet and tail of a car reach 2.5 m from a sensor on its roof.
@@ -43,7 +44,8 @@ struct AlignerOptions {
 /// When an answer is `ok`, `degraded` or `lost`. Stricter values give fewer `ok`; looser ones give
 /// `ok` where nobody has measured that it is right.
 struct VerdictOptions {
-  /// Fewer standing points that the map knows are `too_little_structure`, in [10, 1000].
+  /// With fewer standing points where the map knows anything, the answer has
+  /// `too_little_structure`, in [10, 1000].
   int min_standing_points = 60;
   /// Share of the standing points where the map must know anything, in [0, 1]; below it the answer
   /// has `little_overlap`.
@@ -83,8 +85,8 @@ struct TrackerOptions {
   /// A scan is not looked for around a prediction whose deviation since the last match exceeds this
   /// [m], in [0.1, 100]; as far as the aligner looks around a prior.
   double max_drift_m = 6.0;
-  /// After this many matches in a row that contradict the motion, the motion is doubted, in [1,
-  /// 1000].
+  /// After this many matches in a row that contradict the predicted motion, the session doubts the
+  /// motion and not the matches, in [1, 1000].
   int max_contradictions = 5;
   /// Scans that are looked for widely around the prediction before the whole map is, in [0, 1000].
   int wide_searches = 3;

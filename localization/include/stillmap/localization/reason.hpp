@@ -19,11 +19,11 @@ enum class Reason : std::uint8_t {
   kUnobservableDirection,  ///< the scan fits as well after a shift along some direction
   kAmbiguous,              ///< a second place fits about as well
   kContradictsPrior,       ///< the prior's covariance excludes the pose
-  kNotDeskewed,            ///< the sensor moved during the scan, and the scan has no times
+  kNotDeskewed,            ///< the sensor moved during the scan, and no point times were used
   kLargeCovariance,        ///< the pose is too uncertain
   kNotConverged,           ///< a reference method still moved the pose when it stopped
-  kCoasting,               ///< not matched: pose and covariance are the prediction's
-  kInterpolated,           ///< the same for a late scan
+  kCoasting,               ///< no match agrees: pose and covariance are predicted
+  kInterpolated,           ///< a late scan: the same, between its neighbours
   kContradictsMotion,      ///< the motion of the vehicle excludes the match
   kUnconfirmed,            ///< found by a search: no later scan has agreed yet
   kNotTracked,             ///< nothing predicts the pose any more

@@ -8,17 +8,17 @@
 
 namespace stillmap::localization {
 
-/// What happens to points that no other is near, as rain, dust and crosstalk give them. A scan of
-/// fewer than 10,000 points, and one that was thinned before (many lone ones near the sensor),
-/// keeps them.
+/// What happens to points that have no other point near them, as from rain, dust and crosstalk.
+/// They are always kept in a scan of fewer than 10,000 points, and in one that was thinned before
+/// (many lone points near the sensor).
 enum class Lone { kKept, kLeftOut };
 
 /// Points nearer than this are the vehicle itself [m]; `AlignerOptions::own_vehicle_m` says why.
 inline constexpr double kOwnVehicleM = 2.7;
 
-/// Which points of a scan stand for all of it: the first in each cell, those left out that lie
-/// beyond 500 m (no lidar of ours sees so far, and they would overflow the grid) or on the vehicle
-/// itself, which no map holds: nearer than `own_vehicle_m`, unless a quarter of the scan is.
+/// Thins a scan to the first point of each cell. Points beyond 500 m are left out (no lidar of ours
+/// sees so far, and they would overflow the grid). So are points nearer than `own_vehicle_m`, which
+/// show the vehicle itself, unless a quarter of the scan is that near.
 /// @param positions  N points [m] in the lidar frame. Larger scans than 400,000 are strided first.
 /// @param cell_m     edge of a cell, above 0.
 /// @return indices, ascending.

@@ -22,8 +22,8 @@ struct PosedScan {
   std::vector<Eigen::Vector3f> positions;
   /// N flags, 1 = ground.
   std::vector<std::uint8_t> is_ground;
-  /// N flags, 1 = inside an object that was found, so not in the map any more; still a surface that
-  /// the ray did not pass.
+  /// N flags, 1 = inside a found object. Such a point is not in the map, but its ray still ended
+  /// there.
   std::vector<std::uint8_t> in_object;
 };
 
@@ -62,7 +62,7 @@ class Cleaner {
                                                         const CancelFlag& cancel) const = 0;
 };
 
-/// Makes a cleaner of a name; nothing for a name that it does not know.
+/// Makes the cleaner of this name; null if the name is not known.
 using CleanerFactory = std::function<std::unique_ptr<Cleaner>(const std::string& name)>;
 
 }  // namespace stillmap::mapping

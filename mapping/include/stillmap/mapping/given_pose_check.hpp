@@ -12,10 +12,10 @@ namespace stillmap::mapping {
 
 /// What looks wrong with given poses by the motion that odometry finds in the scans: clocks that
 /// are apart, mirrored axes, a scale, a frame that is not the lidar's (mapping/given_poses.md).
-/// @param scans   of which odometry runs over all, without a look at the poses.
-/// @param posed   the same drive with poses, which may have fewer of these scans.
-/// @param guided  instead, odometry runs for each of `posed`, and looks where its poses say, as in
-/// a build.
+/// @param scans   the drive; odometry runs over all its scans and does not use the poses.
+/// @param posed   the same drive with poses; it may have fewer scans.
+/// @param guided  odometry runs for each of `posed` instead, and starts at its poses, as in a
+/// build.
 /// @return one list of findings for each of `posed`; empty for those without poses.
 /// @throws what reading the scans throws; maps::InputError for a scan of `posed` that is not in
 /// `scans`; Cancelled.

@@ -11,8 +11,8 @@
 
 namespace stillmap::mapping {
 
-/// A stage of long work and about how much of the whole it takes, in any unit, >= 0. What the
-/// shares are wrong by only bends the bar.
+/// A stage of long work, and about which part of the whole it takes, in any unit, >= 0. If a share
+/// is wrong, the bar only moves unevenly.
 struct StageShare {
   std::string stage;
   double share = 0.0;

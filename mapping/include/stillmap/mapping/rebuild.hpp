@@ -21,8 +21,8 @@ struct RebuildOptions {
   std::vector<std::filesystem::path> drives;
   /// The package to make; must not exist.
   std::filesystem::path map;
-  /// Where what is done is remembered: a folder of its own on the map's file system, made if it is
-  /// missing. What is in it when the rebuild is done may go.
+  /// Folder that keeps finished stages, on the map's file system and for this rebuild alone. Made
+  /// if it is missing. It may be deleted when the rebuild is done.
   std::filesystem::path work;
   /// Its `held_back_every`, `journal_folder` and `detect_always` are set by the rebuild, and with
   /// `previous` its `register_to`.
@@ -67,7 +67,7 @@ struct RebuildResult {
   /// What a person should look at.
   std::vector<std::string> warnings;
   std::uint64_t map_bytes = 0;
-  /// In the work folder when it was fullest, as far as was looked at: at the end of each stage.
+  /// Largest size of the work folder, measured at the end of each stage.
   std::uint64_t work_bytes = 0;
   /// By stage, each with what its last process took; and the stages that an earlier process had
   /// done.
@@ -76,9 +76,9 @@ struct RebuildResult {
   double peak_rss_mib = 0.0;
 };
 
-/// How far off the priors of held-back scans are, drawn as `evaluate_localization` does with this
-/// seed: what a vehicle knows that lost its way for some seconds. Every map is asked from the same
-/// ones.
+/// How far off the priors of held-back scans are. They are drawn with this seed as in
+/// `evaluate_localization`, and are the same for every map. So much a vehicle knows that was lost
+/// for some seconds.
 inline constexpr double kGatePriorErrorM = 1.0;
 inline constexpr double kGatePriorErrorDeg = 5.0;
 inline constexpr std::uint64_t kGateSeed = 1;

@@ -11,11 +11,11 @@
 
 namespace stillmap::mapping {
 
-/// What a new map is judged by. There is no truth here: all figures compare it with the map that
-/// keeps everything, and with the version before. NaN: could not be measured, and passes no limit
-/// but a least share of 0.
+/// The figures by which a new map is judged. There is no truth: all figures compare it with the map
+/// that keeps everything, and with the previous version. NaN: could not be measured; it passes no
+/// limit except a least share of 0.
 struct GateFigures {
-  /// Held-back scans that were asked for, in each map from the same priors.
+  /// Held-back scans that were localized, in each map from the same priors.
   std::size_t queries = 0;
   /// Of these, found within 0.2 m and 1 deg.
   std::size_t found = 0;
@@ -25,10 +25,10 @@ struct GateFigures {
 
   /// Against the version before.
   struct Previous {
-    /// Scans that it answered `ok`, and of these those that the new one calls `lost`.
+    /// Scans that are `ok` in it, and how many of these are `lost` in the new map.
     std::size_t ok = 0;
     std::size_t new_lost = 0;
-    /// Shares of its ground that the new one has: where it was driven, and beside.
+    /// Shares of its ground that the new map has too: within 2 m of its path, and within 15 m.
     double driven_coverage = std::numeric_limits<double>::quiet_NaN();
     double ground_coverage = std::numeric_limits<double>::quiet_NaN();
     /// How well the scans agree with each other, in it and in the new one, where both have points.
@@ -40,12 +40,12 @@ struct GateFigures {
 
 /// What a figure may be at worst; a figure at its limit passes. Shares in [0, 1].
 struct GateLimits {
-  /// Fewer say nothing.
+  /// With fewer scans the gate does not pass.
   std::size_t least_queries = 20;
-  /// Scans that not even the map that keeps everything finds are no measure: they are of another
-  /// place or frame.
+  /// If even the map that keeps everything finds fewer of the scans, they are of another place or
+  /// frame, and the gate does not pass.
   double least_found_in_keep = 0.5;
-  /// Share found less than in the keep map.
+  /// How much smaller the share of found scans may be than in the map that keeps everything.
   double found_below_keep = 0.01;
   std::size_t new_lost = 0;
   double static_loss = 0.02;
@@ -56,7 +56,7 @@ struct GateLimits {
   double wall_thickening = 0.25;
   /// How much higher the mean map entropy is [nat], in [0, 10].
   double entropy_rise = 0.2;
-  /// Share found, for a first version: there is none before that would be missed.
+  /// Least share of found scans for a first version, which has no previous one to compare with.
   double first_found = 0.9;
 
   /// Every broken bound as "name: value, bound"; empty when usable.

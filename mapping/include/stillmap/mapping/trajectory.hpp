@@ -16,25 +16,24 @@
 
 namespace stillmap::mapping {
 
-/// How poses come about where they are not simply those of the drive.
+/// How poses are estimated if those of the drive are not used as they are.
 struct TrajectoryOptions {
   /// One of `odometry_names()`.
   std::string odometry = "default";
-  /// Join places that were seen again, and optimise.
+  /// Find loops, and optimise the pose graph.
   bool loops = true;
-  /// The drive's own poses are believed to within these deviations [m, rad], > 0, each in every
-  /// direction.
+  /// Standard deviations of the drive's own poses [m, rad], > 0, the same in every direction.
   struct Prior {
     double sigma_m = 0.0;
     double sigma_rad = 0.0;
   };
   std::optional<Prior> prior;
-  /// Only the positions of the drive's own poses are believed, to within this deviation [m], > 0:
-  /// GNSS. Not together with `prior`.
+  /// For GNSS: only the positions of the drive's own poses are used, with this standard deviation
+  /// [m], > 0. Not together with `prior`.
   std::optional<double> gnss_sigma_m;
-  /// The drive's own poses are taken as good as they show themselves to be: scans are looked for
-  /// where they say, and they are a prior as wide as they are apart from odometry and loops
-  /// (`GivenPoseErrors`). Not together with `prior` or `gnss_sigma_m`.
+  /// Refine the drive's own poses. Scans are searched at these poses. The poses are a prior whose
+  /// deviation is measured: how far they differ from odometry and loops (`GivenPoseErrors`). Not
+  /// together with `prior` or `gnss_sigma_m`.
   bool refine_given = false;
   /// Scans of a drive that take part: [begin, end), end cut to the drive's size.
   std::size_t begin = 0;
@@ -56,19 +55,20 @@ struct PoseDifferences {
 
 /// How far given poses are from the scans' own motion.
 struct GivenPoseErrors {
-  /// Neighbours first. Scans that odometry placed by motion, be it along one direction, do not
-  /// count.
+  /// Neighbours first. Scans that odometry did not match, at least along one direction, are left
+  /// out.
   std::vector<PoseDifferences> by_way;
   /// Of all pairs of neighbours that count [m].
   std::vector<double> neighbours_m;
   /// Between the two ends of loops.
   PoseDifferences loops;
-  /// Deviation of a given pose in each direction, as these medians and loops tell [m, rad].
+  /// Standard deviation of a given pose in each direction, from these medians and the loops [m,
+  /// rad].
   double sigma_m = 0.0;
   double sigma_rad = 0.0;
-  /// Errors of poses so near to each other along the way go together [m].
+  /// Errors of poses are correlated up to this distance along the way [m].
   double correlated_m = 0.0;
-  /// Given poses that were asked, and those of them that the rest denies.
+  /// Given poses that were compared, and how many of them contradict the rest of the graph.
   std::size_t asked = 0;
   std::size_t denied = 0;
 
@@ -83,7 +83,7 @@ struct EstimatedLoop {
   std::size_t to_drive = 0, to_scan = 0;
   Eigen::Isometry3d T_from_to = Eigen::Isometry3d::Identity();
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
-  /// How much of it the whole graph believed, in [0, 1].
+  /// Weight that the pose graph gave to it, in [0, 1].
   double weight = 1.0;
 };
 
@@ -109,8 +109,8 @@ struct TrajectoryEstimate {
   double graph_seconds = 0.0;
 };
 
-/// Scan of a drive other than it lies on the disk (with objects projected, say). Safe from several
-/// threads.
+/// Reads a scan of a drive, possibly changed (for example with projected objects). Safe from
+/// several threads.
 using ScanReader = std::function<maps::Scan(const maps::Drive& drive, std::size_t scan)>;
 
 /// Odometry over every drive, loops within and between them, pose graph.

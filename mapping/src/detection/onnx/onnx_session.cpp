@@ -203,7 +203,8 @@ struct OnnxSession::Handles {
 OnnxSession::OnnxSession(const std::string& library, const std::filesystem::path& model)
     : name_(model.string()) {
   // The library's own message for this differs from version to version.
-  if (!std::filesystem::is_regular_file(model)) throw InputError(name_, "no file", "an ONNX model");
+  if (!std::filesystem::is_regular_file(model))
+    throw InputError(name_, "no file", "an ONNX model: check the path in onnx:FILE");
   handles_ = std::make_unique<Handles>(Handles{OnnxCalls(load_api(library), name_)});
   handles_->open(name_);
   const OnnxCalls& calls = handles_->calls;

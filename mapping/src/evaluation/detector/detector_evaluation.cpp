@@ -88,7 +88,7 @@ class DetectorJudge {
     const std::string folder = drive_.contents().root.string();
     if (scans_.empty())
       throw maps::InputError(folder, fmt::format("{} scans, none selected", drive_.size()),
-                             "at least one selected scan");
+                             "at least one: change --select");
     if (!truth_ && drive_.contents().label_files.empty()) {
       throw maps::InputError(folder, "a drive without labels",
                              "boxes.json, tracking/label_02.txt, label_2/*.txt or labels/*.label, "
@@ -254,8 +254,8 @@ DetectorEvaluation evaluate_detector(const maps::Drive& drive,
                                      const DetectorEvaluationOptions& options, bool draw,
                                      const ProgressCallback& progress, const CancelFlag& cancel) {
   if (!(options.max_range_m > 0.0) || !std::isfinite(options.max_range_m))
-    throw std::invalid_argument(
-        fmt::format("max_range_m: found {}, expected > 0", options.max_range_m));
+    throw std::invalid_argument(fmt::format(
+        "max_range_m (--max-range): found {}, expected more than 0", options.max_range_m));
   return DetectorJudge(drive, options, cancel).judge(draw, progress);
 }
 

@@ -86,7 +86,7 @@ void require_usable(const maps::Drive& drive, const LocalizationEvaluationOption
   }
   if (references == 0 && !drive.has_poses()) {
     throw std::invalid_argument(drive.contents().root.string() +
-                                ": found no poses, expected one a scan");
+                                ": found no poses, expected one a scan: give --poses FILE");
   }
   if (scans_of(drive, options).empty()) {
     throw std::invalid_argument(

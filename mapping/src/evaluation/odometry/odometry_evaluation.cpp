@@ -34,7 +34,7 @@ void check(const maps::Drive& drive, const OdometryEvaluationOptions& options,
   const std::string folder = drive.contents().root.string();
   if (options.reference.empty() ? !drive.has_poses() : options.reference.size() != drive.size()) {
     throw maps::InputError(folder, "a drive without poses to compare with",
-                           "poses in its layout or a file given with --poses");
+                           "poses: give --poses FILE");
   }
   const auto judged = std::count_if(scans.begin(), scans.end(), [&](std::size_t scan) {
     return truth_of(drive, options, scan).has_value();
@@ -42,7 +42,7 @@ void check(const maps::Drive& drive, const OdometryEvaluationOptions& options,
   if (judged < 2)
     throw maps::InputError(
         folder, fmt::format("{} selected scans, {} of them with a pose", scans.size(), judged),
-        "at least two to compare");
+        "at least two to compare: change --select");
 }
 
 std::vector<FollowedScan> path_of(const maps::Drive& drive,

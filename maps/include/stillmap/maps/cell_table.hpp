@@ -133,8 +133,8 @@ class CellTable {
   std::size_t size_ = 0;
 };
 
-/// As CellTable, for callers who hold the keys, by number: for tables of so many cells that their
-/// memory counts. `key_at(number)` is the key of a number that `insert` gave.
+/// As CellTable, but the caller stores the keys. It needs less memory, which matters for large
+/// tables. `key_at(number)` must return the key that `insert` gave this number.
 class CellIndex {
  public:
   static constexpr std::uint32_t kNone = CellTable::kNone;
@@ -146,7 +146,7 @@ class CellIndex {
     return slots_[slot_of(key, key_at)];
   }
 
-  /// Number of a key; when `second`, it is a new number, and the caller takes the key in.
+  /// Number of a key. If `second` is true, the number is new, and the caller must store the key.
   template <typename KeyAt>
   std::pair<std::uint32_t, bool> insert(std::uint64_t key, const KeyAt& key_at) {
     if (2 * (size_ + 1) > slots_.size()) {

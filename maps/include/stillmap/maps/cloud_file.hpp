@@ -17,7 +17,7 @@
 
 namespace stillmap::maps {
 
-/// One point of a map from elsewhere.
+/// One point of a map that another program made.
 struct CloudPoint {
   /// In the file's own frame [m], all finite.
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
@@ -25,7 +25,7 @@ struct CloudPoint {
   float intensity = 0.0F;
 };
 
-/// What a file of a map from elsewhere holds.
+/// What a file of such a map holds.
 struct CloudSummary {
   std::uint64_t points_in_file = 0;
   /// Left out.
@@ -47,7 +47,7 @@ struct CloudSummary {
 /// Bytes of a file that its header must lie in.
 inline constexpr std::size_t kMostCloudHeaderBytes = 65536;
 
-/// Whether a file that begins so can be one that `read_cloud_file` takes: its header alone.
+/// Checks the header alone: whether `read_cloud_file` can take a file that begins like this.
 /// @param head    the first `kMostCloudHeaderBytes`, or all of a shorter file.
 /// @param format  "pcd", "ply" or "las". @param name  what messages call it.
 /// @throws InputError as `read_cloud_file`; std::invalid_argument for another format.

@@ -9,9 +9,9 @@
 
 namespace stillmap::maps {
 
-/// A file that is made from a map and kept beside it, outside its digest: written as
-/// `.<name>.partial` and put at its place whole or not at all, flushed to the disk. What a killed
-/// writer left is taken up by the next one; of two live ones the second is refused.
+/// A file that is made from a map and kept beside it, outside its digest. It is written as
+/// `.<name>.partial`, flushed to the disk and renamed, so that it appears whole or not at all. The
+/// next writer replaces what a killed writer left. While one writer works, a second is refused.
 class DerivedFile {
  public:
   /// Makes the target's folder, but not those above it.
@@ -45,11 +45,12 @@ class DerivedFile {
 struct DerivedWork {
   /// Threads to use, >= 1; the bytes do not depend on it.
   std::size_t threads = 1;
-  /// Told now and then the share that is done, in [0, 1]; false = stop. Empty = go on to the end.
+  /// Called now and then with the share that is done, in [0, 1]. Returns false to stop the work.
+  /// Empty: the work is never stopped.
   std::function<bool(double share)> go_on{};
 };
 
-/// `DerivedWork::go_on` said no; nothing was published.
+/// `DerivedWork::go_on` returned false; nothing was published.
 class WorkStopped : public std::runtime_error {
  public:
   WorkStopped() : std::runtime_error("stopped before it was done") {}

@@ -50,37 +50,37 @@ class Drive {
     DriveLayout layout = DriveLayout::kScanFolder;
     std::filesystem::path root;
     std::vector<std::filesystem::path> scan_files;
-    /// Of scans that lie in one file with others, as in a bag; empty when each file is one scan.
+    /// For scans that share a file with others, as in a bag; empty when each file is one scan.
     struct Entries {
-      /// What they are called there.
+      /// Their topic in the file.
       std::string topic;
-      /// Frame that their points are in, and the columns of the first ("x f32"); empty where the
-      /// file has none.
+      /// Frame of their points, and the columns of the first scan ("x f32"); empty where the file
+      /// does not name them.
       std::string frame_id;
       std::vector<std::string> fields;
-      /// One a scan, for `read`.
+      /// One for each scan: what `read` takes.
       std::vector<std::size_t> numbers;
       /// Safe from several threads. Throws as `Drive::read`.
       std::function<DecodedScan(std::size_t number)> read;
-      /// Of one's bytes.
+      /// SHA-256 of the bytes of one scan.
       std::function<std::string(std::size_t number)> sha256;
     };
     Entries entries;
     /// One stamp a scan, increasing.
     std::vector<std::int64_t> stamps_ns;
     bool relative_clock = true;
-    /// Scans before the first were left out, as they have no pose: numbers that others give to the
-    /// scans, as labels and boxes do, do not fit.
+    /// The first scans were left out because they have no pose. Files that number the scans, such
+    /// as labels and boxes, then do not fit.
     bool counts_from_first_pose = false;
     /// One pose a scan (already in the lidar frame), or empty.
     std::vector<Eigen::Isometry3d> T_map_lidar;
-    /// The poses at their own stamps, where these are not the scans': also those beyond the scans.
-    /// Null where each scan brings its pose, and for recordings.
+    /// All poses at their own stamps, if these differ from the stamps of the scans. Null if there
+    /// is one pose for each scan, and for recordings.
     std::shared_ptr<const Trajectory> path;
-    /// Whether the poses came with stamps of their own: an offset was added to these.
+    /// Whether the poses have stamps of their own. `pose_offset_ns` was added to these.
     bool poses_have_stamps = false;
-    /// Step that the positions are multiples apart of on each axis, as they were written [m]; 0
-    /// where there is none.
+    /// For each axis: the step of which all written positions are multiples [m]; 0 if there is
+    /// none.
     Eigen::Vector3d position_step_m = Eigen::Vector3d::Zero();
     std::optional<GeodeticOrigin> origin;
     /// When a spinning sensor's sweep starts and ends: {start_s < 0, end_s > 0} [s] relative to the
@@ -92,32 +92,33 @@ class Drive {
     std::vector<std::array<double, 2>> spin_start_end_s;
     /// SemanticKITTI label file of each scan, or empty.
     std::vector<std::filesystem::path> label_files;
-    /// Scans named by the layout but absent on disk, duplicates and the like: said, not silently
-    /// skipped.
+    /// What the reader did, for people: scans that it left out and why, what it assumed.
     std::vector<std::string> notes;
 
-    /// "000012.bin", or "drive.mcap /points 12": no two scans have the same.
+    /// "000012.bin", or "drive.mcap /points 12". Unique within the drive.
     [[nodiscard]] std::string scan_name(std::size_t index) const;
   };
 
   /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
   ///
-  /// Of a bag (MCAP, rosbag2, ROS 1) its one topic of PointCloud2 is read, with the stamps of the
-  /// messages' headers. Poses are those of its one topic of Odometry or PoseStamped (of these
-  /// with one for 40 scans at least), brought to the clouds' frame by tf_static, or of tf from the
-  /// highest frame called map, odom or world, else from one called earth, interpolated to the
-  /// scans; where tf only repeats the topic, the topic counts. Scans at the ends without a pose are
-  /// left out and noted, and without poses there are none. Where there is more than one choice, it
-  /// is made in `topics.txt` of the bag's folder, or behind the path:
-  /// `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of the four; `poses`
-  /// may be a topic of tf or `none`, `pose_frame` the frame that the poses are of where messages do
-  /// not say it or say it wrong, `gnss` a topic of NavSatFix that turns them to east-north-up.
-  /// @param poses_file  poses instead of the layout's own: KITTI (12 numbers, one line a scan) or
-  /// TUM
-  ///                    (8 numbers, interpolated to the scans' stamps; scans without one within
-  ///                    0.2 s are left out and noted); `T_map_lidar`.
-  /// @param pose_offset_ns  added to the stamps of the poses [ns], in [-1e18, 1e18], whoever gives
-  /// them; poses that come one a scan have the scans' stamps.
+  /// Bags (MCAP, rosbag2, ROS 1). The scans are the messages of the one topic of PointCloud2, with the
+  /// stamps of their headers. Poses come from the one topic of Odometry, or of PoseStamped with at
+  /// least one pose for 40 scans; tf_static moves them to the frame of the clouds. Without such a
+  /// topic they come from tf: from the highest frame called map, odom or world, else from one
+  /// called earth. If tf only repeats the topic, the topic is used. Poses are interpolated to the
+  /// scans. Scans at the ends without a pose are left out and noted.
+  ///
+  /// If a bag leaves more than one choice, it is made in `topics.txt` of the bag's folder, or
+  /// behind the path: `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of
+  /// the four. `poses` may be a topic of tf, or `none`. `pose_frame` is the frame of the poses, if
+  /// the messages do not name it or name a wrong one. `gnss` is a topic of NavSatFix; it turns the
+  /// poses to east-north-up.
+  /// @param poses_file  poses `T_map_lidar` instead of the layout's own. KITTI: 12 numbers, one
+  /// line
+  ///                    for each scan. TUM: 8 numbers, interpolated to the scans' stamps; scans
+  ///                    without a pose within 0.2 s are left out and noted.
+  /// @param pose_offset_ns  added to the stamps of the poses [ns], in [-1e18, 1e18]. One pose for
+  ///                    each scan has the stamp of its scan.
   /// @throws InputError if the layout is unknown or contradictory, KITTI poses are fewer than
   /// scans, or no scan has a pose.
   [[nodiscard]] static Drive open(
@@ -125,16 +126,16 @@ class Drive {
       const std::optional<std::filesystem::path>& poses_file = std::nullopt,
       std::int64_t pose_offset_ns = 0);
 
-  /// Whether a drive may be there, words behind `?` left out: a folder, or the file of a bag.
+  /// Whether a drive may be at this path, without what follows `?`: a folder, or a bag's file.
   [[nodiscard]] static bool is_at(const std::filesystem::path& root);
-  /// Whether this folder holds a drive of a layout that is known, itself and not one within it.
+  /// Whether this folder itself, and not one inside it, has a known layout of a drive.
   [[nodiscard]] static bool is_in(const std::filesystem::path& folder);
 
   explicit Drive(Contents contents);
 
   [[nodiscard]] std::size_t size() const { return contents_.scan_files.size(); }
   [[nodiscard]] const Contents& contents() const { return contents_; }
-  /// For files that tell scans by their numbers.
+  /// To be called before a file is used that names scans by their numbers.
   /// @throws InputError naming the drive and the file when `Contents::counts_from_first_pose`.
   void require_own_numbers(const std::filesystem::path& file) const;
   [[nodiscard]] bool has_poses() const { return !contents_.T_map_lidar.empty(); }

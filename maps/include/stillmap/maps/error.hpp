@@ -6,6 +6,7 @@
 namespace stillmap::maps {
 
 /// Input that cannot be used: the message names the file, the value found and what was expected.
+/// Where that does not say what to do, `expected` ends with it: "3 or more: record a longer drive".
 class InputError : public std::runtime_error {
  public:
   /// "FILE: found FOUND, expected EXPECTED"

@@ -9,15 +9,15 @@
 
 namespace stillmap::maps {
 
-/// What held the poses of a map together while they were estimated. Poses are numbered as
-/// `MapPackage::trajectories` has them, over all drives.
+/// The pose graph from which the poses of a map were estimated. Poses are numbered over all drives,
+/// in the order of `MapPackage::trajectories`.
 struct MapGraph {
   /// Ascending.
   std::vector<std::size_t> key_frames;
-  /// Two poses at one place, which was seen again.
+  /// Two poses that saw the same place.
   struct Loop {
     std::size_t from = 0, to = 0;
-    /// How much of it the pose graph believed, in [0, 1].
+    /// Weight that the pose graph gave to it, in [0, 1].
     double weight = 1.0;
     auto operator<=>(const Loop&) const = default;
   };
@@ -28,7 +28,7 @@ struct MapGraph {
 /// @throws StorageError.
 void write_map_graph(const std::filesystem::path& package, const MapGraph& graph);
 
-/// Nothing when the package lists none: its poses were given, or an older program made it.
+/// @return nothing if the package has no graph: its poses were given, or an older program made it.
 /// @throws InputError for a broken file, and for numbers that are none of the map's poses.
 [[nodiscard]] std::optional<MapGraph> read_map_graph(const MapPackage& map);
 

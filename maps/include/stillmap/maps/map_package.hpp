@@ -42,18 +42,18 @@ struct MapPoint {
   /// Observations merged into this point, saturating.
   std::uint16_t observations;
   PointKind kind;
-  /// Object that a projected or filled point stands for: `PointHistory::object`, 1 + (n - 1) % 255;
-  /// 0 = none.
+  /// Object that a projected or filled point belongs to: 1 + (n - 1) % 255 with n =
+  /// `PointHistory::object`; 0 = none.
   std::uint8_t object;
 };
 static_assert(sizeof(MapPoint) == 20);
 
-/// What is known of a map point beyond what every query needs, in a file beside the tile (little
-/// endian, 16 bytes).
+/// More about a map point, which queries do not need: in a file beside the tile (little endian, 16
+/// bytes).
 struct PointHistory {
   /// Ordinals of the first and the last scan that saw it, over all drives of the map.
   std::uint32_t first_scan, last_scan;
-  /// Index into objects.json plus 1 of the object that a projected or filled point stands for; 0 =
+  /// Index in objects.json plus 1 of the object that a projected or filled point belongs to; 0 =
   /// none.
   std::uint32_t object;
   /// Unit normal of the surface around it times 127, towards where it was seen from; 0 0 0 where
@@ -84,15 +84,16 @@ struct TileEntry {
 /// How a version was brought into the frame of the version before, by localizing its scans there.
 struct Registration {
   std::string previous_digest;
-  /// Takes points of this version to the previous one's frame: the identity where the poses were
-  /// moved into that frame, what was measured where they agreed and were kept.
+  /// Takes points of this version to the frame of the previous one. It is the identity if the poses
+  /// were moved into that frame. If they agreed with it and were kept, it is the measured motion.
   Eigen::Isometry3d T_previous_map = Eigen::Isometry3d::Identity();
-  /// What the build's own poses were moved by; the identity where they were kept.
+  /// The motion that was applied to the build's own poses; the identity if they were kept.
   Eigen::Isometry3d T_map_poses = Eigen::Isometry3d::Identity();
-  /// Root mean square of what the scans used differ from that one motion by, at the sensor.
+  /// Root mean square of the differences between the scans that were used and this one motion, at
+  /// the sensor.
   double residual_m = 0.0;
   double residual_rad = 0.0;
-  /// Scans that agree, of those that were localized.
+  /// How many scans agree, and how many were localized.
   std::uint64_t scans_used = 0;
   std::uint64_t scans_asked = 0;
 };

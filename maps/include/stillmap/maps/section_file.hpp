@@ -19,10 +19,10 @@ static_assert(std::endian::native == std::endian::little, "files are little endi
 /// What a file of sections holds.
 struct SectionFormat {
   std::array<char, 8> magic;
-  /// Counts up whenever a reader, or what the same map is made into, would differ: files of another
-  /// number are made anew.
+  /// Grows with every change of the file's layout or content. A file with another number is made
+  /// again.
   std::uint32_t format = 1;
-  /// Of each section's offset, a power of two; zeros between.
+  /// Every section begins at a multiple of this power of two; zeros fill the gaps.
   std::uint32_t alignment = 1;
   /// For messages: "a map index".
   const char* what = "";

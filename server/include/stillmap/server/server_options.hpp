@@ -31,7 +31,7 @@ struct TlsOptions {
 struct SessionOptions {
   /// Open at one time, over all keys; beyond it the answer is 503.
   int max = 1000;
-  /// A session that sends no scan for so long is forgotten [s].
+  /// A session that no request uses for so long ends [s].
   int idle_expiry_s = 300;
 };
 
@@ -102,11 +102,11 @@ struct QualityGateOptions {
   double max_success_loss = 0.01;
   /// How many scans may be `lost` that the other map localizes.
   int max_new_lost = 0;
-  /// Least share of localized held-back scans, also for a first version.
+  /// For a first version: least share of held-back scans that are found in it.
   double min_success_rate = 0.95;
   /// Largest share of static points that cleaning may take.
   double max_static_loss = 0.02;
-  /// Least share of the active version's ground cells that the new one covers.
+  /// Least share of the ground within 2 m of the active version's path that the new one covers.
   double min_coverage = 0.95;
   /// How much thicker the median wall may be than in the active version, as a share.
   double max_wall_thickening = 0.25;

@@ -1,0 +1,52 @@
+#include "jobs/job_folders.hpp"
+
+#include "errors/upload_errors.hpp"
+#include "store/ids_and_times.hpp"
+
+#include "store/store_refusal.hpp"
+
+#include <optional>
+#include <system_error>
+#include <utility>
+
+namespace stillmap::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// In the store.
+constexpr const char* kJobs = "jobs";
+
+}  // namespace
+
+JobFolders::JobFolders(const JobOptions& options, PackageStore& store)
+    : store_(store),
+      root_(options.work_dir.empty() ? store.folder() / kJobs : fs::path(options.work_dir)) {}
+
+fs::path JobFolders::of_store() const { return store_.folder() / kJobs; }
+
+std::string JobFolders::without_places(std::string text) const {
+  // `root_` may lie elsewhere, but holds what "jobs" of the store does.
+  const std::string root = root_.string() + "/";
+  const std::string usual = (of_store() / "").string();
+  for (std::size_t at = text.find(root); root != usual && at != std::string::npos;
+       at = text.find(root, at + usual.size()))
+    text.replace(at, root.size(), usual);
+  return without_folder(std::move(text), store_.folder());
+}
+
+void JobFolders::clear_forgotten() const {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(root_, error)) {
+    const std::optional<std::int64_t> id = id_in(entry.path().filename().string());
+    if (!id) continue;
+    try {
+      const StoredJob job = store_.jobs().job(*id);
+      if (is_finished(job.status)) clear_folder(of(*id).scratch());
+    } catch (const StoreRefusal&) {
+      clear_folder(entry.path());
+    }
+  }
+}
+
+}  // namespace stillmap::server

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "jobs/job_folder.hpp"
+
+#include <stillmap/server/server_options.hpp>
+#include "store/package_store.hpp"
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+namespace stillmap::server {
+
+/// Where jobs work: a folder for each, and one for the files that wait for their jobs. It is "jobs"
+/// in the store's folder, or where the options say.
+class JobFolders {
+ public:
+  /// @param store  outlives this.
+  JobFolders(const JobOptions& options, PackageStore& store);
+
+  [[nodiscard]] const std::filesystem::path& root() const { return root_; }
+  /// Of the store, also when jobs work elsewhere: whoever locks it does this store's jobs.
+  [[nodiscard]] std::filesystem::path of_store() const;
+  [[nodiscard]] std::filesystem::path uploads() const { return root_ / "uploads"; }
+  [[nodiscard]] JobFolder of(std::int64_t id) const { return {root_ / std::to_string(id)}; }
+  /// A message for clients, who need not know where on this machine the store and the jobs are.
+  [[nodiscard]] std::string without_places(std::string text) const;
+  /// Removes the folders of jobs that the store does not know any more, and what finished ones
+  /// left of their work.
+  void clear_forgotten() const;
+
+ private:
+  PackageStore& store_;
+  std::filesystem::path root_;
+};
+
+}  // namespace stillmap::server
