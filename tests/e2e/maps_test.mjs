@@ -78,7 +78,7 @@ async function activate(run) {
   await page.click('dialog button[type=submit]');
   await page.check('dialog input[type=checkbox]');
   await page.click('dialog button[type=submit]');
-  await page.waitForSelector('dialog .trouble:has-text("Somebody else changed the map")');
+  await page.waitForSelector('dialog .trouble:has-text("Somebody else, or a job, changed the map")');
   run.expect(true, 'a change by somebody else in the meantime is said, and nothing is done');
   await page.keyboard.press('Escape');
   await page.unroute('**/v1/maps/town/versions');
