@@ -1,6 +1,7 @@
-"""Small whole inputs of `ros_message`, `mcap`, `rosbag2`, `bag_choice` and `rawlog`, packed by the tools lz4 and zstd. For
+"""Small whole inputs of `ros_message`, `mcap`, `rosbag1`, `rosbag2`, `bag_choice` and `rawlog`, packed by the tools lz4 and zstd. For
 seeds.py."""
 
+import bz2
 import pathlib
 import sqlite3
 import struct
@@ -77,6 +78,10 @@ PLACED += [("/pose", POSE, pose(tenths, False, x_m=4.0 * tenths)) for tenths in 
 PLACED += [(FIXES, FIX, fix(tenths, east_m=4.0 * tenths)) for tenths in range(11)]
 
 
+OF_ROS1 = [("/points", CLOUD, cloud(tenths, ros1=True)) for tenths in range(3)]
+OF_ROS1 += [("/tf", TF, tf(tenths, "/map", "/lidar", True)) for tenths in range(3)]
+
+
 def record(op, content):
     return struct.pack("<BQ", op, len(content)) + content
 
@@ -111,6 +116,36 @@ def mcap(messages, compression=None, index=True, chunks=True, encoding="cdr"):
     summary = names + indexes if index else b""
     footer = struct.pack("<BQQQ", 2, 20, len(file) if index else 0, 0)
     return file + summary + footer + struct.pack("<I", zlib.crc32(summary + footer) if index else 0) + b"\x89MCAP0\r\n"
+
+
+def fields(**values):
+    parts = [name.encode() + b"=" + value for name, value in values.items()]
+    return b"".join(struct.pack("<I", len(part)) + part for part in parts)
+
+
+def ros1_record(op, header, data):
+    header = fields(op=bytes([op])) + header
+    return struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
+
+
+def rosbag1(messages, compression="none", index=True):
+    """Format 2.0, with the padding of its header left out, so that a seed is small."""
+    topics = sorted({(topic, kind.replace("/msg/", "/")) for topic, kind, _ in messages})
+    connections = b"".join(ros1_record(7, fields(conn=struct.pack("<I", i), topic=topic.encode()), fields(type=kind.encode()))
+                           for i, (topic, kind) in enumerate(topics))
+    records = [ros1_record(2, fields(conn=struct.pack("<I", topics.index((topic, kind.replace("/msg/", "/")))), time=bytes(8)), data)
+               for topic, kind, data in messages]
+    start = len(b"#ROSBAG V2.0\n") + len(ros1_record(3, fields(index_pos=bytes(8), conn_count=bytes(4), chunk_count=bytes(4)), b""))
+    body, infos = b"", b""
+    for part in (connections + b"".join(records[:3]), b"".join(records[3:])):
+        data = bz2.compress(part) if compression == "bz2" else packed(part, None if compression == "none" else compression)
+        infos += ros1_record(6, fields(ver=struct.pack("<I", 1), chunk_pos=struct.pack("<Q", start + len(body)),
+                                       count=struct.pack("<I", len(topics))),
+                             b"".join(struct.pack("<II", i, 1) for i in range(len(topics))))
+        body += ros1_record(5, fields(compression=compression.encode(), size=struct.pack("<I", len(part))), data)
+    header = ros1_record(3, fields(index_pos=struct.pack("<Q", start + len(body) if index else 0),
+                                   conn_count=struct.pack("<I", len(topics)), chunk_count=struct.pack("<I", 2)), b"")
+    return b"#ROSBAG V2.0\n" + header + body + (connections + infos if index else b"")
 
 
 def rosbag2(messages, compression=None):
@@ -158,6 +193,9 @@ def make_all(put):
     put("mcap", "placed", mcap(PLACED))
     put("mcap", "packed", packed(mcap(MESSAGES, index=False), "zstd"))
     put("mcap", "cut", mcap(MESSAGES, index=False)[:900])
+    for compression in ("none", "lz4", "bz2"):
+        put("rosbag1", f"indexed_{compression}", rosbag1(OF_ROS1, compression))
+    put("rosbag1", "cut_off", rosbag1(OF_ROS1, "lz4", index=False)[:-40])
     few = [MESSAGES[0], ("/points", CLOUD, cloud(1)), *[("/pose", POSE, pose(tenths, False)) for tenths in (0, 2)]]
     put("rosbag2", "few", rosbag2(few))
     put("rosbag2", "tf", rosbag2(OF_TF))

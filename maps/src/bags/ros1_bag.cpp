@@ -142,7 +142,7 @@ Ros1Bag::Ros1Bag(const std::filesystem::path& file, const std::filesystem::path&
   if (reader_.read_at(0, magic) != magic.size() ||
       std::memcmp(magic.data(), kMagic.data(), magic.size()) != 0)
     throw InputError(reader_.file().string(), "no first line '#ROSBAG V2.0'",
-                     "a bag of ROS 1; 'rosbag migrate' or 'rosbag fix' makes one of older formats");
+                     "a bag of ROS 1, format 2.0: run 'rosbag migrate' on one of an older format");
   if (!read_index()) {
     connections_ = {};
     chunks_.clear();
@@ -154,31 +154,34 @@ Ros1Bag::Ros1Bag(const std::filesystem::path& file, const std::filesystem::path&
 /// @return whether there is an index that fits the file.
 bool Ros1Bag::read_index() {
   FileStream start(reader_, kMagic.size(), reader_.size());
+  std::optional<RecordHead> head;
   try {
-    const std::optional<RecordHead> head = next_record(start);
-    const bool is_header = head && head->op == Op::kBagHeader;
-    const std::uint64_t index =
-        is_header ? head->fields.number<std::uint64_t>("index_pos").value_or(0) : 0;
-    if (index == 0) {
-      add_note(
-          "the bag has no index: its recording was cut off; it is read record by record ('rosbag "
-          "reindex' makes the index)");
-      return false;
-    }
-    if (read_index_at(index) &&
-        head->fields.number<std::uint32_t>("chunk_count") == chunks_.size() &&
-        head->fields.number<std::uint32_t>("conn_count") == connections_.by_id.size() &&
-        !chunks_.empty())
-      return true;
+    head = next_record(start);
   } catch (const InputError&) {
-    // What is there is no index.
+    // What is there is no header; the visit says so.
   }
+  const bool is_header = head && head->op == Op::kBagHeader;
+  if (is_header && !head->fields.text("encryptor").empty())
+    throw InputError(file().string(), "an encrypted bag",
+                     "a plain one: run 'rosbag decrypt' on it");
+  const std::uint64_t index =
+      is_header ? head->fields.number<std::uint64_t>("index_pos").value_or(0) : 0;
+  if (index == 0) {
+    add_note(
+        "the bag has no index: its recording was cut off; it is read record by record ('rosbag "
+        "reindex' makes the index)");
+    return false;
+  }
+  if (read_index_at(index) && head->fields.number<std::uint32_t>("chunk_count") == chunks_.size() &&
+      head->fields.number<std::uint32_t>("conn_count") == connections_.by_id.size() &&
+      !chunks_.empty())
+    return true;
   add_note("the bag's index is broken or does not tell all: it is read record by record");
   return false;
 }
 
 /// @return whether there are whole records of an index up to the end of the file.
-bool Ros1Bag::read_index_at(std::uint64_t index) {
+bool Ros1Bag::read_index_at(std::uint64_t index) try {
   FileStream stream(reader_, std::min(index, reader_.size()), reader_.size());
   while (const std::optional<RecordHead> head = next_record(stream)) {
     const std::uint64_t data = stream.position();
@@ -193,6 +196,8 @@ bool Ros1Bag::read_index_at(std::uint64_t index) {
   }
   std::ranges::sort(chunks_, {}, &ChunkInfo::offset);
   return stream.position() == reader_.size();
+} catch (const InputError&) {
+  return false;  // what is there is no index
 }
 
 void Ros1Bag::find_connections() {
