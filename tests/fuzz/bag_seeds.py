@@ -1,5 +1,5 @@
-"""Small whole inputs of `ros_message`, `mcap`, `rosbag1`, `rosbag2`, `bag_choice` and `rawlog`, packed by the tools lz4 and zstd. For
-seeds.py."""
+"""Small whole inputs of `ros_message`, `mcap`, `rosbag1`, `rosbag2`, `bag_choice` and `rawlog`, packed by the tools lz4 and
+zstd. For seeds.py."""
 
 import bz2
 import pathlib
@@ -130,17 +130,21 @@ def ros1_record(op, header, data):
 
 def rosbag1(messages, compression="none", index=True):
     """Format 2.0, with the padding of its header left out, so that a seed is small."""
-    topics = sorted({(topic, kind.replace("/msg/", "/")) for topic, kind, _ in messages})
-    connections = b"".join(ros1_record(7, fields(conn=struct.pack("<I", i), topic=topic.encode()), fields(type=kind.encode()))
-                           for i, (topic, kind) in enumerate(topics))
-    records = [ros1_record(2, fields(conn=struct.pack("<I", topics.index((topic, kind.replace("/msg/", "/")))), time=bytes(8)), data)
-               for topic, kind, data in messages]
-    start = len(b"#ROSBAG V2.0\n") + len(ros1_record(3, fields(index_pos=bytes(8), conn_count=bytes(4), chunk_count=bytes(4)), b""))
+    messages = [((topic, kind.replace("/msg/", "/")), data) for topic, kind, data in messages]
+    topics = sorted({topic for topic, _ in messages})
+    connections = b"".join(
+        ros1_record(7, fields(conn=struct.pack("<I", i), topic=topic.encode()),
+                    fields(topic=topic.encode(), type=kind.encode(), md5sum=b"*", message_definition=b""))
+        for i, (topic, kind) in enumerate(topics))
+    records = [ros1_record(2, fields(conn=struct.pack("<I", topics.index(topic)), time=bytes(8)), data)
+               for topic, data in messages]
+    empty = ros1_record(3, fields(index_pos=bytes(8), conn_count=bytes(4), chunk_count=bytes(4)), b"")
+    start = len(b"#ROSBAG V2.0\n") + len(empty)
     body, infos = b"", b""
     for part in (connections + b"".join(records[:3]), b"".join(records[3:])):
         data = bz2.compress(part) if compression == "bz2" else packed(part, None if compression == "none" else compression)
         infos += ros1_record(6, fields(ver=struct.pack("<I", 1), chunk_pos=struct.pack("<Q", start + len(body)),
-                                       count=struct.pack("<I", len(topics))),
+                                       start_time=bytes(8), end_time=bytes(8), count=struct.pack("<I", len(topics))),
                              b"".join(struct.pack("<II", i, 1) for i in range(len(topics))))
         body += ros1_record(5, fields(compression=compression.encode(), size=struct.pack("<I", len(part))), data)
     header = ros1_record(3, fields(index_pos=struct.pack("<Q", start + len(body) if index else 0),
