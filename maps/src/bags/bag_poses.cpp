@@ -16,23 +16,11 @@
 namespace stillmap::maps {
 namespace {
 
-/// Frames of maps, by REP 105 and by use. Above them stands the Earth, whose z is not up.
-constexpr std::array<std::string_view, 3> kMapFrames{"map", "odom", "world"};
-constexpr std::string_view kEarthFrame = "earth";
 /// A goal that was set now and then is no path.
 constexpr std::size_t kLeastPoses = 2;
 constexpr std::size_t kMostScansAPose = 40;
 /// Each is kept beside every scan; robots have a dozen.
 constexpr std::size_t kMostSteps = 64;
-
-bool is_map_frame(const std::string& frame) {
-  const std::string last = frame.substr(frame.find_last_of('/') + 1);
-  return std::find(kMapFrames.begin(), kMapFrames.end(), last) != kMapFrames.end();
-}
-
-bool stands_still(const std::string& frame) {
-  return is_map_frame(frame) || frame.substr(frame.find_last_of('/') + 1) == kEarthFrame;
-}
 
 /// Whole messages of the topics for which `wanted` holds.
 void visit_messages(const PoseSearch& search, const std::function<bool(const BagTopic&)>& wanted,

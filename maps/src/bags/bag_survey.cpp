@@ -31,6 +31,7 @@ class Surveyor {
 
   BagSurvey survey() {
     for (std::uint32_t i = 0; i < bags_.size(); ++i) survey_bag(i);
+    survey_.settled_frames = survey_.tree.settle_unmoved();
     return std::move(survey_);
   }
 
@@ -92,7 +93,8 @@ class Surveyor {
     const bool rigid = is_static_tf(topic);
     read_transforms(reader, [&](const StampedTransform& transform) {
       if (!rigid) {
-        survey_.tree.add_moving(transform.parent, transform.child, bag.file().string());
+        survey_.tree.add_moving(transform.parent, transform.child, transform.T_parent_child,
+                                bag.file().string());
       } else if (transform.T_parent_child) {
         survey_.tree.add_rigid(transform.parent, transform.child, *transform.T_parent_child,
                                bag.file().string());

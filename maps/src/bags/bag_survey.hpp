@@ -49,6 +49,8 @@ struct BagSurvey {
   /// All of them, by name.
   std::map<std::string, TopicSurvey> topics;
   FrameTree tree;
+  /// What tf repeats without a change, and counts as rigid.
+  std::vector<std::string> settled_frames;
   BagDamage damage;
 };
 

@@ -4,7 +4,9 @@
 #include <stillmap/maps/frames.hpp>
 
 #include <algorithm>
+#include <array>
 #include <set>
+#include <string_view>
 #include <utility>
 
 namespace stillmap::maps {
@@ -12,6 +14,12 @@ namespace {
 
 constexpr std::size_t kMostFrames = 4096;
 constexpr std::size_t kMostNamed = 40;
+/// A transform that is sent again is the same but for its last digits.
+constexpr double kSame = 1e-9;
+constexpr std::size_t kLeastRepeated = 3;
+/// Frames of maps, by REP 105 and by use. Above them stands the Earth, whose z is not up.
+constexpr std::array<std::string_view, 3> kMapFrames{"map", "odom", "world"};
+constexpr std::string_view kEarthFrame = "earth";
 
 }  // namespace
 
@@ -27,11 +35,30 @@ void FrameTree::add_rigid(const std::string& parent, const std::string& child,
 }
 
 void FrameTree::add_moving(const std::string& parent, const std::string& child,
+                           const std::optional<Eigen::Isometry3d>& T_parent_child,
                            const std::string& source) {
   const auto known = edges_.find(child);
+  if (known == edges_.end() || known->second.parent != parent)
+    return add(child, {parent, std::nullopt, T_parent_child}, source);
+  Edge& edge = known->second;
   // Some publish what is rigid as moving too.
-  if (known != edges_.end() && known->second.parent == parent) return;
-  add(child, {parent, std::nullopt}, source);
+  if (edge.T_parent_child || !T_parent_child) return;
+  ++edge.messages;
+  if (edge.T_unmoved &&
+      !((edge.T_unmoved->matrix() - T_parent_child->matrix()).cwiseAbs().maxCoeff() <= kSame))
+    edge.T_unmoved.reset();
+}
+
+std::vector<std::string> FrameTree::settle_unmoved() {
+  std::vector<std::string> settled;
+  for (auto& [child, edge] : edges_) {
+    if (edge.T_parent_child || !edge.T_unmoved || edge.messages < kLeastRepeated ||
+        stands_still(edge.parent))
+      continue;
+    edge.T_parent_child = edge.T_unmoved;
+    settled.push_back("'" + child + "' in '" + edge.parent + "'");
+  }
+  return settled;
 }
 
 std::vector<std::pair<std::string, Eigen::Isometry3d>> FrameTree::rigid_above(
@@ -95,6 +122,15 @@ bool FrameTree::has_rigid(const std::string& frame) const {
   return std::any_of(edges_.begin(), edges_.end(), [&](const auto& each) {
     return each.second.T_parent_child && (each.first == frame || each.second.parent == frame);
   });
+}
+
+bool is_map_frame(const std::string& frame) {
+  const std::string last = frame.substr(frame.find_last_of('/') + 1);
+  return std::find(kMapFrames.begin(), kMapFrames.end(), last) != kMapFrames.end();
+}
+
+bool stands_still(const std::string& frame) {
+  return is_map_frame(frame) || frame.substr(frame.find_last_of('/') + 1) == kEarthFrame;
 }
 
 }  // namespace stillmap::maps

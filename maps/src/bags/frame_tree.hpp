@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 
+#include <cstddef>
 #include <map>
 #include <optional>
 #include <string>
@@ -16,7 +17,15 @@ class FrameTree {
   /// The latest of a child counts. @throws InputError naming `source` for over 4096 frames.
   void add_rigid(const std::string& parent, const std::string& child,
                  const Eigen::Isometry3d& T_parent_child, const std::string& source);
-  void add_moving(const std::string& parent, const std::string& child, const std::string& source);
+  /// @param T_parent_child  of this message; none where it cannot be read.
+  void add_moving(const std::string& parent, const std::string& child,
+                  const std::optional<Eigen::Isometry3d>& T_parent_child,
+                  const std::string& source);
+  /// Makes rigid what was said to move, at least three times, and never did: tf's old
+  /// static_transform_publisher repeats a mount on /tf. What stands in a frame that stands still
+  /// stays moving: a vehicle may have been parked.
+  /// @return "'lidar' in 'base_link'" of each.
+  std::vector<std::string> settle_unmoved();
 
   /// Through rigid ones alone, up and down. @return nothing when they are not joined by these.
   [[nodiscard]] std::optional<Eigen::Isometry3d> T_between(const std::string& to,
@@ -38,7 +47,11 @@ class FrameTree {
  private:
   struct Edge {
     std::string parent;
+    /// Of rigid ones.
     std::optional<Eigen::Isometry3d> T_parent_child;
+    /// Of moving ones: the first transform, until another one comes.
+    std::optional<Eigen::Isometry3d> T_unmoved{};
+    std::size_t messages = 1;
   };
   void add(const std::string& child, Edge edge, const std::string& source);
   /// A frame and the rigid ones above it, each with T_ancestor_frame.
@@ -47,5 +60,10 @@ class FrameTree {
   /// By child.
   std::map<std::string, Edge> edges_;
 };
+
+/// Whether a frame has a name of one that is fixed to the ground: map, odom, world or earth.
+[[nodiscard]] bool stands_still(const std::string& frame);
+/// The same without earth, whose axes are not a map's.
+[[nodiscard]] bool is_map_frame(const std::string& frame);
 
 }  // namespace stillmap::maps

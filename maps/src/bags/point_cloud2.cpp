@@ -57,20 +57,25 @@ CloudField read_field(MessageReader& reader) {
   return field;
 }
 
-/// Rows follow each other without a gap where they are one, or where a driver leaves the step 0.
+/// Rows follow each other without a gap where they are one, where a driver leaves the step 0, and
+/// where its step cannot be (the bytes of the whole cloud, or the number of points in a row or in
+/// all) while the points without a gap take just the bytes that are there.
 void check_rows(CloudMessage& cloud, const std::string& name) {
   const std::size_t row_bytes = cloud.width * cloud.point_step;
   if (cloud.height <= 1 || cloud.row_step == 0) cloud.row_step = row_bytes;
+  const auto needed = [&] {
+    return cloud.points() == 0 ? 0 : (cloud.height - 1) * cloud.row_step + row_bytes;
+  };
+  const bool is_possible = cloud.row_step >= row_bytes && needed() <= cloud.data.size();
+  if (!is_possible && cloud.data.size() == cloud.height * row_bytes) cloud.row_step = row_bytes;
   if (cloud.row_step < row_bytes)
-    throw InputError(
-        name, fmt::format("row_step {}", cloud.row_step),
-        fmt::format("{}, {} points of {} bytes", row_bytes, cloud.width, cloud.point_step));
-  const std::size_t needed =
-      cloud.points() == 0 ? 0 : (cloud.height - 1) * cloud.row_step + row_bytes;
-  if (cloud.data.size() < needed)
+    throw InputError(name, fmt::format("row_step {}", cloud.row_step),
+                     fmt::format("{}, {} points of {} bytes: mend the program that writes it",
+                                 row_bytes, cloud.width, cloud.point_step));
+  if (cloud.data.size() < needed())
     throw InputError(name, fmt::format("{} bytes of points", cloud.data.size()),
-                     fmt::format("{}, {} x {} points of {} bytes", needed, cloud.height,
-                                 cloud.width, cloud.point_step));
+                     fmt::format("{}, {} x {} points of {} bytes: mend the program that writes it",
+                                 needed(), cloud.height, cloud.width, cloud.point_step));
 }
 
 CloudMessage read_message(MessageReader& reader, std::size_t max_points) {

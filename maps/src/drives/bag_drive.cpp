@@ -4,6 +4,7 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <memory>
@@ -114,6 +115,10 @@ void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey
         fmt::format("{} parts of the bag could not be read, the first {}; {} "
                     "scans could",
                     survey.damage.parts, survey.damage.first, scans.clouds.size()));
+  if (!survey.settled_frames.empty())
+    contents.notes.push_back(
+        fmt::format("tf repeats the place of {} without a change: taken as rigid",
+                    fmt::join(survey.settled_frames, ", ")));
   const TopicSurvey& topic = survey.topics.at(scans.topic);
   if (topic.unreadable > 0) contents.notes.push_back(unreadable_text(scans.topic, topic));
 }

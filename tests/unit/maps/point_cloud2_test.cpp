@@ -160,6 +160,24 @@ TEST(PointCloud2, TakesWhatDriversLeaveZero) {
   EXPECT_TRUE(decode(empty).cloud.empty());
 }
 
+TEST(PointCloud2, TakesRowsWithoutGapsWhereTheirStepCannotBe) {
+  // The points of a row, those of all rows, and the bytes of all rows: what drivers write.
+  for (const std::uint32_t row_step : {2U, 6U, 72U}) {
+    CloudMessage cloud;
+    cloud.height = 3;
+    cloud.width = 2;
+    cloud.row_step = row_step;
+    for (float x = 1; x <= 6; ++x) append(cloud.data, std::array<float, 3>{x, 2, 3});
+    const PointCloud read = decode(cloud).cloud;
+    ASSERT_EQ(read.size(), 6U) << row_step;
+    for (std::size_t i = 0; i < 6; ++i)
+      EXPECT_EQ(read.positions[i].x(), static_cast<float>(i + 1)) << row_step;
+    // With a byte more it is not known where the rows are.
+    cloud.data.push_back(0);
+    EXPECT_THROW((void)decode(cloud), InputError) << row_step;
+  }
+}
+
 TEST(PointCloud2, RefusesWhatDoesNotFit) {
   const auto refused = [](CloudMessage cloud, const std::vector<std::string>& texts) {
     EXPECT_THAT([&] { (void)decode(cloud); }, ThrowsSaying<InputError>(texts));
