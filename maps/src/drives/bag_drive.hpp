@@ -14,7 +14,8 @@ namespace stillmap::maps {
 [[nodiscard]] bool is_bag(const std::filesystem::path& root);
 
 /// An MCAP file, a SQLite file of rosbag2, a bag of ROS 1, or a folder of one bag, also split: its
-/// parts in the order of `metadata.yaml`, else of their names. `Drive::open` says what is taken of it.
+/// parts in the order of `metadata.yaml`, else of their names. `Drive::open` says what is taken of
+/// it.
 /// @param words  what is chosen of it, as behind `?` of `Drive::open`.
 [[nodiscard]] Drive::Contents open_bag_drive(const std::filesystem::path& root,
                                              std::string_view words, const PosesChoice& poses);
