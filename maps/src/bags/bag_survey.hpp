@@ -49,7 +49,7 @@ struct BagSurvey {
   /// All of them, by name.
   std::map<std::string, TopicSurvey> topics;
   FrameTree tree;
-  /// What tf repeats without a change, and counts as rigid.
+  /// Frames whose place in their parent tf repeats without a change; it counts as rigid.
   std::vector<std::string> settled_frames;
   BagDamage damage;
 };

@@ -56,7 +56,7 @@ std::vector<std::string> FrameTree::settle_unmoved() {
         stands_still(edge.parent))
       continue;
     edge.T_parent_child = edge.T_unmoved;
-    settled.push_back("'" + child + "' in '" + edge.parent + "'");
+    settled.push_back(child);
   }
   return settled;
 }

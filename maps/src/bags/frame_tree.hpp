@@ -24,7 +24,7 @@ class FrameTree {
   /// Makes rigid what was said to move, at least three times, and never did: tf's old
   /// static_transform_publisher repeats a mount on /tf. What stands in a frame that stands still
   /// stays moving: a vehicle may have been parked.
-  /// @return "'lidar' in 'base_link'" of each.
+  /// @return these children.
   std::vector<std::string> settle_unmoved();
 
   /// Through rigid ones alone, up and down. @return nothing when they are not joined by these.

@@ -4,7 +4,6 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <memory>
@@ -108,6 +107,7 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
 }
 
 void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {
+  const TopicSurvey& topic = survey.topics.at(scans.topic);
   for (const auto& bag : scans.bags)
     contents.notes.insert(contents.notes.end(), bag->notes().begin(), bag->notes().end());
   if (survey.damage.parts > 0)
@@ -115,11 +115,12 @@ void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey
         fmt::format("{} parts of the bag could not be read, the first {}; {} "
                     "scans could",
                     survey.damage.parts, survey.damage.first, scans.clouds.size()));
-  if (!survey.settled_frames.empty())
-    contents.notes.push_back(
-        fmt::format("tf repeats the place of {} without a change: taken as rigid",
-                    fmt::join(survey.settled_frames, ", ")));
-  const TopicSurvey& topic = survey.topics.at(scans.topic);
+  for (const FrameTree::Step& step : survey.tree.steps_above(topic.frames.front())) {
+    if (std::ranges::find(survey.settled_frames, step.child) != survey.settled_frames.end())
+      contents.notes.push_back(
+          fmt::format("tf repeats the place of '{}' in '{}' without a change: taken as rigid",
+                      step.child, step.parent));
+  }
   if (topic.unreadable > 0) contents.notes.push_back(unreadable_text(scans.topic, topic));
 }
 

@@ -7,7 +7,7 @@
 namespace stillmap::maps {
 namespace {
 
-[[noreturn]] void refuse(std::string_view text) {
+[[noreturn]] void refuse_selection(std::string_view text) {
   throw std::invalid_argument(
       "selection '" + std::string(text) +
       "': expected a:b:step of whole numbers >= 0, step >= 1, any left out");
@@ -17,7 +17,7 @@ std::optional<std::size_t> parse_part(std::string_view part, std::string_view te
   if (part.empty()) return std::nullopt;
   std::size_t value = 0;
   const auto [stop, error] = std::from_chars(part.data(), part.data() + part.size(), value);
-  if (error != std::errc() || stop != part.data() + part.size()) refuse(text);
+  if (error != std::errc() || stop != part.data() + part.size()) refuse_selection(text);
   return value;
 }
 
@@ -32,12 +32,12 @@ Selection Selection::parse(std::string_view text) {
     rest.remove_prefix(colon + 1);
   }
   parts.push_back(rest);
-  if (parts.size() < 2 || parts.size() > 3) refuse(text);
+  if (parts.size() < 2 || parts.size() > 3) refuse_selection(text);
   Selection selection;
   selection.begin = parse_part(parts[0], text).value_or(0);
   selection.end = parse_part(parts[1], text);
   if (parts.size() == 3) selection.step = parse_part(parts[2], text).value_or(1);
-  if (selection.step == 0) refuse(text);
+  if (selection.step == 0) refuse_selection(text);
   return selection;
 }
 

@@ -9,7 +9,7 @@
 
 namespace stillmap::maps {
 
-/// LAS 1.2 to 1.4, point formats 0 to 10, as `read_cloud_file`. Bytes of a point beyond its format
+/// LAS 1.0 to 1.4, point formats 0 to 10, as `read_cloud_file`. Bytes of a point beyond its format
 /// are skipped; withheld points and those classified as noise are left out and counted.
 CloudSummary stream_las(std::span<const std::byte> bytes, const std::string& name,
                         const std::function<void(std::span<const CloudPoint>)>& take);

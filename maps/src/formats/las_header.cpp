@@ -12,7 +12,7 @@ namespace stillmap::maps {
 namespace {
 
 /// Sizes of a header by its minor version, and of a point by its format (LAS 1.4 R15).
-constexpr std::array<std::size_t, 5> kHeaderBytes{0, 0, 227, 235, 375};
+constexpr std::array<std::size_t, 5> kHeaderBytes{227, 227, 227, 235, 375};
 constexpr std::array<std::size_t, 11> kPointBytes{20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
 constexpr std::size_t kRecordHeaderBytes = 54;
 constexpr std::size_t kLongRecordHeaderBytes = 60;
@@ -106,10 +106,10 @@ class Records {
 void read_version(const Bytes& at, std::size_t size, const std::string& name, LasHeader& header) {
   const int major = at.at<std::uint8_t>(24);
   header.minor_version = at.at<std::uint8_t>(25);
-  if (major != 1 || header.minor_version < 2 || header.minor_version > 4)
+  if (major != 1 || header.minor_version > 4)
     throw InputError(name,
                      "LAS " + std::to_string(major) + "." + std::to_string(header.minor_version),
-                     "1.2, 1.3 or 1.4: export it again in one of these versions");
+                     "1.0 to 1.4: export it again in one of these versions");
   const std::size_t needed = kHeaderBytes.at(static_cast<std::size_t>(header.minor_version));
   const std::size_t stated = at.at<std::uint16_t>(94);
   if (stated < needed || size < stated)
@@ -173,7 +173,7 @@ LasHeader read_las_start(std::span<const std::byte> bytes, const std::string& na
   const Bytes at(bytes);
   if (bytes.size() < kHeaderBytes[2] || at.text(0, 4) != "LASF")
     throw InputError(name, std::to_string(bytes.size()) + " bytes without a LAS header",
-                     "a LAS file, which begins with LASF: export the points as LAS 1.2 to 1.4");
+                     "a LAS file, which begins with LASF: export the points as LAS 1.4");
   LasHeader header;
   read_version(at, bytes.size(), name, header);
   read_point_layout(at, name, header);
@@ -190,7 +190,9 @@ LasHeader read_las_header(std::span<const std::byte> bytes, const std::string& n
   if (header.minor_version == 4)
     records.take_long(at.at<std::uint64_t>(235), at.at<std::uint32_t>(243));
   constexpr unsigned kWktBit = 1U << 4U;
-  header.system = records.system((at.at<std::uint16_t>(6) & kWktBit) != 0);
+  // Reserved before LAS 1.2, and not always zero.
+  const unsigned encoding = header.minor_version < 2 ? 0 : at.at<std::uint16_t>(6);
+  header.system = records.system((encoding & kWktBit) != 0);
   return header;
 }
 

@@ -31,7 +31,7 @@ struct LasHeader {
 
 /// @param bytes  the whole file.
 /// @throws InputError naming `name`, the value found and what was expected: also for LAZ and COPC,
-/// versions other than 1.2 to 1.4, and fewer points than the header says.
+/// versions other than 1.0 to 1.4, and fewer points than the header says.
 [[nodiscard]] LasHeader read_las_header(std::span<const std::byte> bytes, const std::string& name);
 
 }  // namespace stillmap::maps

@@ -3,6 +3,7 @@
 #include <stillmap/maps/error.hpp>
 
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <cstdint>
 
@@ -24,9 +25,14 @@ struct HeaderLines {
   std::optional<Eigen::Isometry3d> viewpoint;
 };
 
+char capital(char letter) {
+  return static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
+}
+
+/// In capitals or small letters, as PCL reads them.
 std::optional<NumberType> number_type(std::string_view type, std::string_view size) {
   if (type.size() != 1 || size.size() != 1) return std::nullopt;
-  const std::string key{type[0], size[0]};
+  const std::string key{capital(type[0]), size[0]};
   constexpr std::array<std::string_view, 10> kKeys{"I1", "U1", "I2", "U2", "I4",
                                                    "U4", "I8", "U8", "F4", "F8"};
   for (std::size_t i = 0; i < kKeys.size(); ++i) {

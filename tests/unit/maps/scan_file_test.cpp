@@ -268,6 +268,13 @@ TEST(PcdScan, ReadsOldVersionsWithoutCountHeightAndPoints) {
   EXPECT_EQ(decode(text, ScanFormat::kPcd).cloud.size(), 1U);
 }
 
+TEST(PcdScan, ReadsTypesInSmallLetters) {
+  const std::string text =
+      pcd("x y z ring", "4 8 4 2", "f f f u", "1 1 1 1", 1, "ascii", "1 2 3 4\n");
+  EXPECT_THAT(decode(text, ScanFormat::kPcd).cloud.positions,
+              ElementsAre(Eigen::Vector3f(1, 2, 3)));
+}
+
 TEST(PcdScan, KeepsPointsAsTheyAreUnderAViewpoint) {
   std::string text = xyz_ascii(1, "1 2 3\n");
   const std::string identity = "0 0 0 1 0 0 0";

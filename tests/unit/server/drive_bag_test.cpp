@@ -448,11 +448,24 @@ TEST_F(BagDrive, RefusesATopicOfTwoTypesOnlyWhereOneIsRead) {
 TEST_F(BagDrive, TakesNoTfFromAFrameThatMayMove) {
   for (int i = -1; i <= 4; ++i)
     add("/tf", kTfType,
-        test::transform(kStart + i * kStep + kStep / 2, "base_link", "lidar", {0, 0, 1}));
+        test::transform(kStart + i * kStep + kStep / 2, "base_link", "lidar", {0.1 * i, 0, 1}));
   const maps::Drive drive = open();
   EXPECT_FALSE(drive.has_poses());
   EXPECT_THAT(drive.contents().notes, ElementsAre(HasSubstr("'lidar' in 'base_link'")));
   EXPECT_TRUE(open("?poses=/tf").has_poses());
+}
+
+TEST_F(BagDrive, TakesAMountThatTfRepeats) {
+  for (int i = -1; i <= 4; ++i) {
+    const std::int64_t stamp = kStart + i * kStep + kStep / 2;
+    add("/tf", kTfType, test::transform(stamp, "base_link", "lidar", {0, 0, 1}));
+    add("/odom", kOdometryType, odometry(stamp, {i + 0.5, 0, 0}, "base_link"));
+  }
+  const maps::Drive drive = open();
+  ASSERT_EQ(drive.size(), 4U);
+  EXPECT_NEAR((drive.T_map_lidar(2).translation() - Eigen::Vector3d(2, 0, 1)).norm(), 0, 1e-12);
+  EXPECT_THAT(drive.contents().notes,
+              Contains(HasSubstr("'lidar' in 'base_link' without a change")));
 }
 
 TEST_F(BagDrive, RefusesChainsOfTfThatNoRobotHas) {

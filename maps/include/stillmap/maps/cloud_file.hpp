@@ -54,7 +54,7 @@ inline constexpr std::size_t kMostCloudHeaderBytes = 65536;
 void check_cloud_header(std::span<const std::byte> head, std::string_view format,
                         const std::string& name);
 
-/// Reads a PCD, PLY or LAS (1.2 to 1.4, uncompressed) file of any size in doubles and hands its
+/// Reads a PCD, PLY or LAS (1.0 to 1.4, uncompressed) file of any size in doubles and hands its
 /// points on, in order, some tens of thousands at a time. The file is mapped, and of it some
 /// millions of points are held at once; the viewpoint of a PCD is not applied. Columns as
 /// `decode_scan` takes them; the intensity of LAS is that of the file. The format follows from the
