@@ -284,7 +284,7 @@ class Bags(unittest.TestCase):
         bag.write_bytes(b"#ROSBAG V1.2\n" + bytes(100))
         refused = run("inspect", bag, ok=False)
         self.assertEqual(refused.returncode, 1)
-        self.assertIn("rosbag migrate", refused.stderr)
+        self.assertIn("rosbag filter OLD.bag NEW.bag True", refused.stderr)
 
     def test_choice(self):
         spec = self.drive.spec("odometry")

@@ -21,10 +21,10 @@ class FrameTree {
   void add_moving(const std::string& parent, const std::string& child,
                   const std::optional<Eigen::Isometry3d>& T_parent_child,
                   const std::string& source);
-  /// Makes rigid what was said to move, at least three times, and never did: tf's old
-  /// static_transform_publisher repeats a mount on /tf. What stands in a frame that stands still
-  /// stays moving: a vehicle may have been parked.
-  /// @return these children.
+  /// Makes moving transforms rigid that came at least three times and never changed, as tf's old
+  /// static_transform_publisher sends a mount. A transform whose parent is fixed to the ground
+  /// (`stands_still`) stays moving: the vehicle may have been parked.
+  /// @return the children of these transforms.
   std::vector<std::string> settle_unmoved();
 
   /// Through rigid ones alone, up and down. @return nothing when they are not joined by these.

@@ -57,9 +57,9 @@ CloudField read_field(MessageReader& reader) {
   return field;
 }
 
-/// Rows follow each other without a gap where they are one, where a driver leaves the step 0, and
-/// where its step cannot be (the bytes of the whole cloud, or the number of points in a row or in
-/// all) while the points without a gap take just the bytes that are there.
+/// Sets the step from row to row. Rows have no gaps between them if there is only one row, if the
+/// message says 0, or if its step is impossible and the points without gaps fill the data exactly:
+/// some drivers write the bytes of the whole cloud, or a number of points.
 void check_rows(CloudMessage& cloud, const std::string& name) {
   const std::size_t row_bytes = cloud.width * cloud.point_step;
   if (cloud.height <= 1 || cloud.row_step == 0) cloud.row_step = row_bytes;

@@ -12,7 +12,7 @@
 namespace stillmap::maps::ros1 {
 namespace {
 
-/// 96 MB of index: 750 KB each, as rosbag writes them, of 1.5 TB. With more it is not used.
+/// 32 MB of index: 750 KB each, as rosbag writes them, of 1.5 TB. With more it is not used.
 constexpr std::size_t kMostChunks = 2'000'000;
 
 std::string place_text(std::uint64_t offset, std::string_view what) {
@@ -141,8 +141,10 @@ Ros1Bag::Ros1Bag(const std::filesystem::path& file, const std::filesystem::path&
   std::array<std::byte, kMagic.size()> magic{};
   if (reader_.read_at(0, magic) != magic.size() ||
       std::memcmp(magic.data(), kMagic.data(), magic.size()) != 0)
-    throw InputError(reader_.file().string(), "no first line '#ROSBAG V2.0'",
-                     "a bag of ROS 1, format 2.0: run 'rosbag migrate' on one of an older format");
+    throw InputError(
+        reader_.file().string(), "no first line '#ROSBAG V2.0'",
+        "a bag of ROS 1, format 2.0: copy one of an older format with 'rosbag filter OLD.bag "
+        "NEW.bag True'");
   if (!read_index()) {
     connections_ = {};
     chunks_.clear();
@@ -223,12 +225,11 @@ BagDamage Ros1Bag::visit(std::span<const std::size_t> head_bytes, const Take& ta
     visit.all();
     return visit.damage();
   }
-  const auto is_wanted = [&](std::uint32_t connection) {
-    const auto topic = topic_of_connection_.find(connection);
-    return topic != topic_of_connection_.end() && head_bytes[topic->second] > 0;
-  };
+  std::uint64_t wanted = 0;
+  for (const auto& [id, topic] : topic_of_connection_)
+    if (head_bytes[topic] > 0) wanted |= std::uint64_t{1} << id % 64U;
   for (const ChunkInfo& chunk : chunks_)
-    if (std::ranges::any_of(chunk.connections, is_wanted)) visit.chunk_at(chunk.offset);
+    if ((chunk.connections & wanted) != 0) visit.chunk_at(chunk.offset);
   return visit.damage();
 }
 

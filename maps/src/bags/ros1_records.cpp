@@ -9,6 +9,7 @@
 #include <cstring>
 #include <span>
 #include <utility>
+#include <vector>
 
 namespace stillmap::maps::ros1 {
 namespace {
@@ -107,11 +108,11 @@ std::optional<ChunkInfo> read_chunk_info(const RecordHead& head, ByteStream& str
   constexpr std::uint32_t kEntryBytes = 4 + 4;
   if (!offset || !count || *count > kMostConnections || head.data_bytes != *count * kEntryBytes)
     return std::nullopt;
-  ChunkInfo info{*offset, {}};
+  ChunkInfo info{.offset = *offset};
   for (std::uint32_t i = 0; i < *count; ++i) {
     std::array<std::uint32_t, 2> entry{};
     if (stream.read(std::as_writable_bytes(std::span(entry))) != kEntryBytes) return std::nullopt;
-    if (entry[1] > 0) info.connections.push_back(entry[0]);
+    if (entry[1] > 0) info.connections |= std::uint64_t{1} << entry[0] % 64U;
   }
   return info;
 }

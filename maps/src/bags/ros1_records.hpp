@@ -10,7 +10,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "bags/chunk.hpp"
 
@@ -87,8 +86,8 @@ struct Connections {
 struct ChunkInfo {
   /// Of its record in the file.
   std::uint64_t offset = 0;
-  /// With messages in it.
-  std::vector<std::uint32_t> connections;
+  /// Bit `id % 64` of each connection with messages in it.
+  std::uint64_t connections = 0;
 };
 /// With the stream at the record's data. @return nothing where it is cut off or broken.
 [[nodiscard]] std::optional<ChunkInfo> read_chunk_info(const RecordHead& head, ByteStream& stream);

@@ -54,7 +54,7 @@ test('a file is told by what is in it, not by its name', async () => {
 });
 
 test('a recording is a drive by itself, packed as a tar', async () => {
-  for (const name of ['run.mcap', 'run.db3', 'run.rawlog', 'run.mcap.zstd', 'RUN.MCAP']) {
+  for (const name of ['run.mcap', 'run.db3', 'run.rawlog', 'run.mcap.zstd', 'run.bag', 'RUN.MCAP']) {
     const { content, look } = await chosenFile(named(name, 'x'));
     assert.deepEqual([look.kind, look.sure, await tarNames(content, 10)], ['drive', true, [name]]);
   }
