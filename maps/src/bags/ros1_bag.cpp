@@ -190,9 +190,9 @@ bool Ros1Bag::read_index_at(std::uint64_t index) try {
     if (head->op == Op::kConnection) {
       if (!connections_.take(*head, stream)) return false;
     } else if (head->op == Op::kChunkInfo) {
-      std::optional<ChunkInfo> info = read_chunk_info(*head, stream);
+      const std::optional<ChunkInfo> info = read_chunk_info(*head, stream);
       if (!info || info->offset >= index || chunks_.size() == kMostChunks) return false;
-      chunks_.push_back(std::move(*info));
+      chunks_.push_back(*info);
     }
     (void)stream.skip(data + head->data_bytes - stream.position());
   }
