@@ -30,7 +30,8 @@ inline void require_decoded(const maps::DecodedScan& scan, std::size_t max_point
   require_whole(scan.cloud);
   require(scan.points_in_file <= max_points, "no more points than allowed");
   require(
-      scan.cloud.size() + scan.dropped.non_finite + scan.dropped.zero_range == scan.points_in_file,
+      scan.cloud.size() + scan.dropped.non_finite + scan.dropped.zero_range + scan.dropped.unsure ==
+          scan.points_in_file,
       "every point is kept or counted");
 }
 

@@ -136,8 +136,9 @@ class McapBytes {
                              std::string_view encoding = "cdr") {
     return record(4, number(id) + number(schema) + text(topic) + text(encoding) + text(""));
   }
-  static std::string message(std::uint16_t channel, std::string_view data) {
-    return record(5, number(channel) + number(std::uint32_t{0}) + number(std::uint64_t{9}) +
+  static std::string message(std::uint16_t channel, std::string_view data,
+                             std::uint64_t recorded_ns = 9) {
+    return record(5, number(channel) + number(std::uint32_t{0}) + number(recorded_ns) +
                          number(std::uint64_t{9}) + std::string(data));
   }
   static std::uint32_t crc(std::string_view bytes) {

@@ -1,6 +1,7 @@
 #include "core/ordered_pipeline.hpp"
 #include "core/top_view.hpp"
 #include "import/column_ground.hpp"
+#include "import/upright.hpp"
 #include "stacking/tile_points.hpp"
 #include "stacking/tile_stack.hpp"
 
@@ -65,7 +66,11 @@ class CloudImport {
  public:
   CloudImport(const std::filesystem::path& file, const MapImportOptions& options,
               const ProgressCallback& progress, const CancelFlag& cancel, MapImportResult& result)
-      : file_(file), progress_(progress), cancel_(cancel), result_(result) {
+      : file_(file),
+        R_map_file_(R_upright(options.up)),
+        progress_(progress),
+        cancel_(cancel),
+        result_(result) {
     frame_.place = options.geodetic_origin;
     frame_.utm = options.utm;
   }
@@ -73,10 +78,15 @@ class CloudImport {
   /// The first time through the file. @return the origin of the tiles [m].
   Eigen::Vector3d measure() {
     Bounds bounds;
+    UprightCheck upright;
     const maps::CloudSummary summary = read("measure", [&](const maps::CloudPoint& point) {
-      bounds.min = bounds.min.cwiseMin(point.position);
-      bounds.max = bounds.max.cwiseMax(point.position);
+      const Eigen::Vector3d p = R_map_file_ * point.position;
+      bounds.min = bounds.min.cwiseMin(p);
+      bounds.max = bounds.max.cwiseMax(p);
+      upright.add(p);
     });
+    if (std::string finding = upright.finding(); !finding.empty())
+      result_.warnings.push_back(std::move(finding));
     points_ = summary.points_in_file;
     result_.counts["in"] = summary.points_in_file;
     result_.counts["dropped_non_finite"] = summary.non_finite;
@@ -128,7 +138,8 @@ class CloudImport {
   }
 
   [[nodiscard]] Eigen::Vector3d p_map(const maps::CloudPoint& point) const {
-    return frame_.projection ? frame_.projection->to_map(point.position) : point.position;
+    return frame_.projection ? frame_.projection->to_map(point.position)
+                             : R_map_file_ * point.position;
   }
 
   /// What the file says of its coordinates, beside what the options say.
@@ -214,6 +225,7 @@ class CloudImport {
   }
 
   const std::filesystem::path& file_;
+  Eigen::Matrix3d R_map_file_;
   const ProgressCallback& progress_;
   const CancelFlag& cancel_;
   MapImportResult& result_;
@@ -314,6 +326,7 @@ maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImport
   manifest.software_version = STILLMAP_VERSION;
   manifest.options = {{"import", file.extension().string().substr(1)},
                       {"voxel_size_m", fmt::format("{}", options.voxel_size_m)}};
+  if (options.up != "z") manifest.options["up"] = options.up;
   if (frame.utm) manifest.options["utm"] = fmt::format("EPSG:{}", frame.utm->epsg());
   if (!frame.coordinates.empty()) manifest.options["coordinates"] = frame.coordinates;
   if (!frame.taken_as_wgs84.empty()) manifest.options["taken_as_wgs84"] = frame.taken_as_wgs84;
@@ -333,6 +346,11 @@ std::vector<std::string> MapImportOptions::violations() const {
       std::all_of(name.begin(), name.end(), [](char c) { return c >= ' ' && c <= '~'; });
   if (name.empty() || name.size() > 64 || !printable)
     broken.emplace_back("frame_id: expected 1 to 64 printable ASCII characters");
+  if (!is_axis(up))
+    broken.push_back(fmt::format("up (--up): {}, expected x, -x, y, -y, z or -z", up));
+  else if (up != "z" && utm)
+    broken.push_back(
+        fmt::format("up (--up): {} beside a UTM zone, whose z is up; leave one out", up));
   if (utm && !(utm->number >= 1 && utm->number <= 60))
     broken.push_back(fmt::format("utm (--utm): zone {}, expected in [1, 60]", utm->number));
   if (!(voxel_size_m >= 0.02 && voxel_size_m <= 2.0))

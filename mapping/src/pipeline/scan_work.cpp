@@ -237,6 +237,7 @@ SurveyedScan ScanWork::survey(std::size_t number) const {
   out.counts["in"] = scan.points_in_file;
   out.counts["dropped_non_finite"] = scan.dropped.non_finite;
   out.counts["dropped_zero_range"] = scan.dropped.zero_range;
+  if (scan.dropped.unsure > 0) out.counts["dropped_unsure"] = scan.dropped.unsure;
   const bool is_hidden = drives_.note(number) == ScanNote::kHidden;
   out.counts["scans_empty"] = scan.cloud.empty() && !is_hidden ? 1 : 0;
   // Only where there are any: maps of earlier versions keep their digests.

@@ -40,6 +40,8 @@ struct BagMessage {
   /// In `Bag::topics`.
   std::size_t topic = 0;
   MessagePlace place;
+  /// When the recorder got it [ns since the epoch].
+  std::int64_t recorded_ns = 0;
   /// Its first bytes, as many as were asked for; valid during the call.
   std::span<const std::byte> head;
 };

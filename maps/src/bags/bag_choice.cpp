@@ -9,12 +9,14 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr std::string_view kExpected = "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME or gnss=TOPIC";
+constexpr std::string_view kExpected =
+    "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME, gnss=TOPIC or stamps=recorded";
 
 std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
   if (word == "cloud") return &choice.cloud;
   if (word == "poses") return &choice.poses;
   if (word == "gnss") return &choice.gnss;
+  if (word == "stamps") return &choice.stamps;
   return word == "pose_frame" ? &choice.pose_frame : nullptr;
 }
 
@@ -35,6 +37,9 @@ BagChoice parse_bag_choice(std::string_view text, const std::string& source) {
                        std::string(kExpected) + ", each once");
     *word = std::string(part.substr(sign + 1));
   }
+  if (choice.stamps && *choice.stamps != "header" && *choice.stamps != "recorded")
+    throw InputError(source, "'stamps=" + choice.stamps->substr(0, 100) + "'",
+                     "stamps=header or stamps=recorded");
   return choice;
 }
 
@@ -46,6 +51,7 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
   if (!choice.poses) choice.poses = own.poses;
   if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
   if (!choice.gnss) choice.gnss = own.gnss;
+  if (!choice.stamps) choice.stamps = own.stamps;
   return choice;
 }
 

@@ -9,7 +9,7 @@ namespace stillmap::maps {
 
 /// What to take of a bag where there is more than one choice.
 struct BagChoice {
-  /// Topic of PointCloud2.
+  /// Topic of clouds.
   std::optional<std::string> cloud;
   /// Topic of Odometry, PoseStamped or TFMessage; "none" for no poses.
   std::optional<std::string> poses;
@@ -17,6 +17,10 @@ struct BagChoice {
   std::optional<std::string> pose_frame;
   /// Topic of NavSatFix that says where the poses lie on the Earth.
   std::optional<std::string> gnss;
+  /// "header", or "recorded": when the recorder got the clouds, instead of their own stamps.
+  std::optional<std::string> stamps;
+
+  [[nodiscard]] bool takes_recorded_stamps() const { return stamps == "recorded"; }
 };
 
 /// `cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of them, parted by `&` or

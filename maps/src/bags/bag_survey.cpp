@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "bags/livox_cloud.hpp"
 #include "bags/ros_messages.hpp"
 
 namespace stillmap::maps {
@@ -20,7 +21,7 @@ constexpr std::size_t kMostFramesNamed = 8;
 constexpr std::size_t kMostClouds = 500'000;
 
 std::size_t head_bytes_of(const std::string& type) {
-  if (type == kPointCloud2) return kHeaderBytes;
+  if (is_cloud_type(type)) return kHeaderBytes;
   if (type == kTfMessage) return kMostTfBytes;
   return is_pose_type(type) ? kHeaderBytes + 4 + 1025 : 0;
 }
@@ -70,10 +71,11 @@ class Surveyor {
       if (head_bytes_of(topic.type) == 0) return;
       MessageReader reader(message.head, topic.serialization, topic.name);
       if (topic.type == kTfMessage) return take_tf(reader, topic.name, bag);
-      if (topic.type != kPointCloud2) return take_pose(reader, topic.type, known);
+      if (!is_cloud_type(topic.type)) return take_pose(reader, topic.type, known);
       const RosHeader header = read_header(reader);
       if (++clouds_ > kMostClouds) return;
-      known.clouds.push_back({message.place, header.stamp_ns, number, topic.serialization});
+      known.clouds.push_back(
+          {message.place, header.stamp_ns, message.recorded_ns, number, topic.serialization});
       const auto& frames = known.frames;
       if (frames.size() < kMostFramesNamed &&
           std::find(frames.begin(), frames.end(), header.frame_id) == frames.end())
@@ -109,6 +111,7 @@ class Surveyor {
 
 }  // namespace
 
+bool is_cloud_type(const std::string& type) { return type == kPointCloud2 || is_livox_type(type); }
 bool is_pose_type(const std::string& type) { return type == kNavOdometry || type == kPoseStamped; }
 bool is_static_tf(const std::string& topic) { return topic.ends_with("tf_static"); }
 

@@ -17,7 +17,9 @@ using Bags = std::vector<std::unique_ptr<Bag>>;
 /// One message of a topic of clouds.
 struct CloudEntry {
   MessagePlace place;
+  /// Of its header.
   std::int64_t stamp_ns = 0;
+  std::int64_t recorded_ns = 0;
   /// Which of the bags it lies in.
   std::uint32_t bag = 0;
   Serialization serialization = Serialization::kCdr;
@@ -58,6 +60,7 @@ struct BagSurvey {
 /// @throws InputError for one topic of two types, where one of them is read; StorageError.
 [[nodiscard]] BagSurvey survey(const Bags& bags);
 
+[[nodiscard]] bool is_cloud_type(const std::string& type);
 [[nodiscard]] bool is_pose_type(const std::string& type);
 [[nodiscard]] bool is_static_tf(const std::string& topic);
 

@@ -125,7 +125,9 @@ std::optional<Statistics> read_statistics(Record& record) {
 MessageHead read_message_head(Record& record) {
   MessageHead head;
   head.channel = record.number<std::uint16_t>();
-  record.skip(4 + 8 + 8);
+  record.skip(4);
+  head.log_time_ns = record.number<std::uint64_t>();
+  record.skip(8);
   return head;
 }
 

@@ -115,6 +115,7 @@ struct Statistics {
 struct MessageHead {
   static constexpr std::uint64_t kBytes = 2 + 4 + 8 + 8;
   std::uint16_t channel = 0;
+  std::uint64_t log_time_ns = 0;
 };
 [[nodiscard]] MessageHead read_message_head(Record& record);
 

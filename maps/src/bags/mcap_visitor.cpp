@@ -105,7 +105,11 @@ void Visitor::take_message(Record& record, std::uint64_t outer, std::uint64_t in
   if (size > kMostMessageBytes)
     return add_damage(outer + inner, fmt::format("a message of {} bytes, expected at most {}", size,
                                                  kMostMessageBytes));
-  Held held{topic->second, {outer, inner, static_cast<std::uint32_t>(size)}, heads_.size(), 0};
+  Held held{topic->second,
+            {outer, inner, static_cast<std::uint32_t>(size)},
+            static_cast<std::int64_t>(head.log_time_ns),
+            heads_.size(),
+            0};
   held.head_bytes = static_cast<std::size_t>(std::min<std::uint64_t>(wanted, size));
   heads_.resize(heads_.size() + held.head_bytes);
   record.bytes(std::span(heads_).subspan(held.head_begin, held.head_bytes));
@@ -119,7 +123,7 @@ void Visitor::take_message(Record& record, std::uint64_t outer, std::uint64_t in
 
 void Visitor::hand_on() {
   for (const Held& held : held_)
-    (*take_)({held.topic, held.place,
+    (*take_)({held.topic, held.place, held.recorded_ns,
               std::span<const std::byte>(heads_).subspan(held.head_begin, held.head_bytes)});
   held_.clear();
   heads_.clear();

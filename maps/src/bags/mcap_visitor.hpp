@@ -42,6 +42,7 @@ class Visitor {
   struct Held {
     std::size_t topic = 0;
     MessagePlace place;
+    std::int64_t recorded_ns = 0;
     std::size_t head_begin = 0;
     std::size_t head_bytes = 0;
   };

@@ -4,21 +4,17 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <limits>
-#include <optional>
 #include <string_view>
 #include <vector>
 
 #include "formats/point_table.hpp"
+#include "formats/point_times.hpp"
 
 namespace stillmap::maps {
 namespace {
 
 constexpr std::size_t kMostFields = 256;
-// A sweep takes 0.05 to 0.2 s; a second is beyond any.
-constexpr double kMostTimeOffsetS = 1.0;
-constexpr std::int64_t kSecondNs = 1'000'000'000;
 
 struct CloudField {
   PointField field;
@@ -148,59 +144,15 @@ void each_value(const CloudMessage& cloud, const CloudField& field, const Set& s
   }
 }
 
-/// What a number in a column of times may mean.
-struct TimeReading {
-  double unit_s = 1.0;
-  bool since_epoch = false;
-};
-
-double offset_s(double value, const TimeReading& reading, std::int64_t stamp_ns) {
-  if (!reading.since_epoch) return value * reading.unit_s;
-  if (reading.unit_s == 1.0)
-    // In two steps: a double of today's seconds has no room for the stamp's nanoseconds.
-    return (value - static_cast<double>(stamp_ns / kSecondNs)) -
-           1e-9 * static_cast<double>(stamp_ns % kSecondNs);
-  return (value - 1e-9 / reading.unit_s * static_cast<double>(stamp_ns)) * reading.unit_s;
-}
-
-/// The reading by which all times lie near the stamp.
-std::optional<TimeReading> reading_of(double least, double most, NumberType type,
-                                      std::int64_t stamp_ns) {
-  constexpr std::array<TimeReading, 1> kWhole{{{1e-9, false}}};
-  constexpr std::array<TimeReading, 4> kFloating{
-      {{1.0, false}, {1.0, true}, {1e-9, true}, {1e-6, true}}};
-  const std::span<const TimeReading> readings =
-      is_whole(type) ? std::span<const TimeReading>(kWhole) : kFloating;
-  for (const TimeReading& reading : readings) {
-    const auto near = [&](double t) {
-      return std::abs(offset_s(t, reading, stamp_ns)) <= kMostTimeOffsetS;
-    };
-    if (near(least) && near(most)) return reading;
-  }
-  return std::nullopt;
-}
-
 /// Times of the points that were kept, since those without a return often have none.
-void set_times(PointCloud& points, const CloudMessage& cloud, const CloudField& field) {
-  if (points.empty()) return;
-  std::vector<double> times(cloud.points());
-  each_value(cloud, field,
-             [&](std::size_t i, auto value) { times[i] = static_cast<double>(value); });
-  double least = times[points.file_index(0)];
-  double most = least;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const double t = times[points.file_index(i)];
-    if (!std::isfinite(t)) return;
-    least = std::min(least, t);
-    most = std::max(most, t);
-  }
-  const std::int64_t stamp_ns = cloud.header.stamp_ns;
-  const auto reading = reading_of(least, most, field.field.type, stamp_ns);
-  if (!reading) return;
-  points.time_offsets_s.resize(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i)
-    points.time_offsets_s[i] =
-        static_cast<float>(offset_s(times[points.file_index(i)], *reading, stamp_ns));
+void set_times(DecodedScan& scan, const CloudMessage& cloud, const CloudField& field) {
+  std::vector<double> all(cloud.points());
+  each_value(cloud, field, [&](std::size_t i, auto value) { all[i] = static_cast<double>(value); });
+  std::vector<double> kept(scan.cloud.size());
+  for (std::size_t i = 0; i < kept.size(); ++i) kept[i] = all[scan.cloud.file_index(i)];
+  PointTimes times = read_point_times(kept, field.field, cloud.header.stamp_ns);
+  scan.cloud.time_offsets_s = std::move(times.offsets_s);
+  scan.times_note = std::move(times.note);
 }
 
 void set_column(PointCloud& points, const CloudMessage& cloud, const CloudField& field, Role role) {
@@ -244,7 +196,7 @@ DecodedScan decode_point_cloud2(MessageReader& reader, std::size_t max_points) {
   scan.dropped = drop_invalid(scan.cloud);
   const auto time = std::find(roles.begin(), roles.end(), Role::kTime);
   if (time != roles.end())
-    set_times(scan.cloud, cloud, cloud.fields[static_cast<std::size_t>(time - roles.begin())]);
+    set_times(scan, cloud, cloud.fields[static_cast<std::size_t>(time - roles.begin())]);
   return scan;
 }
 

@@ -124,7 +124,14 @@ class Ros1Bag::Visit {
     const std::uint64_t rest = head.data_bytes - message_.size();
     if (stream.skip(rest) < rest) return;
     at.size = head.data_bytes;
-    take_({topic->second, at, message_});
+    take_({topic->second, at, recorded_ns(head), message_});
+  }
+
+  /// Seconds, then nanoseconds; 0 where the record has no time.
+  static std::int64_t recorded_ns(const RecordHead& head) {
+    const std::uint64_t time = head.fields.number<std::uint64_t>("time").value_or(0);
+    return static_cast<std::int64_t>(time & 0xffffffffU) * 1'000'000'000 +
+           static_cast<std::int64_t>(time >> 32U);
   }
 
   const Ros1Bag& bag_;

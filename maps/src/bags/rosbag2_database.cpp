@@ -32,7 +32,7 @@ constexpr std::uint64_t kStepsPerByte = 4;
 constexpr std::uint64_t kLeastSteps = 1'000'000;
 
 /// Rows in the order in which they were written, without their bytes.
-constexpr const char* kRows = "SELECT rowid, topic_id FROM messages ORDER BY rowid";
+constexpr const char* kRows = "SELECT rowid, topic_id, timestamp FROM messages ORDER BY rowid";
 
 /// CDR begins with 0.
 bool is_packed(std::span<const std::byte> head) {
@@ -332,7 +332,10 @@ BagDamage Rosbag2Database::visit(std::span<const std::size_t> head_bytes, const 
       trouble = error.what();
     }
     if (trouble.empty()) {
-      take({topic->second, {0, static_cast<std::uint64_t>(row), size}, head});
+      take({topic->second,
+            {0, static_cast<std::uint64_t>(row), size},
+            sqlite3_column_int64(rows.get(), 2),
+            head});
     } else {
       damage.add(fmt::format("row {}: {}", row, trouble));
     }

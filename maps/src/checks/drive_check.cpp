@@ -212,25 +212,31 @@ void check_values(const std::vector<SampledScan>& samples, DriveCheck& check) {
          "check the fields x, y, z"});
 }
 
-/// Of recordings, whose messages name their columns.
+/// Times of points that were left out, or were read as what they may not be.
 void check_point_times(const Drive& drive, const std::vector<SampledScan>& samples,
                        std::vector<DriveFinding>& findings) {
+  const auto taken = std::ranges::count_if(samples, &SampledScan::has_times);
+  const bool is_left_out = 2 * static_cast<std::size_t>(taken) <= samples.size();
+  const auto noted = std::ranges::find_if(
+      samples, [](const SampledScan& sample) { return !sample.times_note.empty(); });
   std::vector<std::string> times;
   for (const std::string& field : drive.contents().entries.fields)
     if (is_time_name(field.substr(0, field.find(' ')))) times.push_back(field);
-  const auto taken = std::count_if(samples.begin(), samples.end(),
-                                   [](const auto& sample) { return sample.has_times; });
-  if (times.empty() || 2 * static_cast<std::size_t>(taken) > samples.size()) return;
+  std::string what;
+  if (noted != samples.end())
+    what = noted->times_note;
+  else if (is_left_out && times.size() > 1)
+    what = fmt::format("several fields may be the times of the points ({}): none is taken",
+                       fmt::join(times, ", "));
+  if (what.empty()) return;
+  if (!is_left_out) {
+    findings.push_back({"times_doubted", what,
+                        "if this is wrong, let the driver write seconds as float64, or nanoseconds "
+                        "as uint32, from the scan's stamp"});
+    return;
+  }
   findings.push_back(
-      {"times_not_taken",
-       times.size() > 1
-           ? fmt::format("several fields may be the times of the points ({}): none is taken",
-                         fmt::join(times, ", "))
-           : fmt::format(
-                 "the field {} is not taken as the times of the points: these are one finite "
-                 "number a point that lies, in a unit known here, within 1 s of the scan's "
-                 "stamp",
-                 times.front()),
+      {"times_not_taken", what,
        "let the driver write one, by the clock of the stamps: without, a scan that moved while it "
        "was taken stays bent. 'DRIVE?sensor=NAME' takes the times of a sensor's turn, where points "
        "lie in the order in which they were taken"});

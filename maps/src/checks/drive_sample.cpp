@@ -51,6 +51,7 @@ SampledScan sample_scan(const Drive& drive, std::size_t index) {
   sample.points = scan.cloud.size();
   sample.points_in_file = scan.points_in_file;
   sample.has_times = scan.cloud.empty() || !scan.cloud.time_offsets_s.empty();
+  sample.times_note = scan.times_note;
   const auto& intensities = scan.cloud.intensities;
   if (!intensities.empty()) {
     const auto [low, high] = std::minmax_element(intensities.begin(), intensities.end());

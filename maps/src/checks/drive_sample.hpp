@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "checks/pose_readings.hpp"
@@ -23,6 +24,8 @@ struct SampledScan {
   std::size_t points_in_file = 0;
   /// Of its points, or without points.
   bool has_times = false;
+  /// As `Scan::times_note`.
+  std::string times_note;
   std::optional<std::array<float, 2>> intensities;
 };
 

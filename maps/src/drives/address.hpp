@@ -8,10 +8,12 @@ namespace stillmap::maps {
 /// Where a drive lies, and what is chosen of it behind the last `?`.
 struct Address {
   std::filesystem::path place;
-  /// `word=value` parted by `&`, without the sensor's.
+  /// `word=value` parted by `&`, without those below.
   std::string words;
   /// Of `sensor=NAME`; empty without it.
   std::string sensor;
+  /// Of `columns=LETTERS`; empty without it.
+  std::string columns;
 };
 
 [[nodiscard]] Address address_of(const std::filesystem::path& root);

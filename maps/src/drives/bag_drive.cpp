@@ -15,6 +15,7 @@
 #include "bags/bag_gnss.hpp"
 #include "bags/bag_poses.hpp"
 #include "bags/bag_survey.hpp"
+#include "bags/livox_cloud.hpp"
 #include "bags/point_cloud2.hpp"
 #include "bags/unpacked_bag.hpp"
 #include "drives/bag_files.hpp"
@@ -30,15 +31,18 @@ namespace fs = std::filesystem;
 struct BagScans {
   Bags bags;
   std::string topic;
+  bool is_livox = false;
   std::vector<CloudEntry> clouds;
 
   [[nodiscard]] DecodedScan read(std::size_t number) const {
-    return read_by(number, [](MessageReader& reader) { return decode_point_cloud2(reader); });
+    return read_by(number, [this](MessageReader& reader) {
+      return is_livox ? decode_livox_cloud(reader) : decode_point_cloud2(reader);
+    });
   }
   /// Empty where the first cloud cannot be read.
   [[nodiscard]] std::vector<std::string> fields() const {
     try {
-      return read_by(0, fields_of_point_cloud2);
+      return read_by(0, is_livox ? fields_of_livox_cloud : fields_of_point_cloud2);
     } catch (const InputError&) {
       return {};
     }
@@ -99,11 +103,13 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
   std::string text = choice.cloud ? "no clouds on " + *choice.cloud : "no clouds";
   text += "; topics are " + listed(survey, false);
   for (const auto& [topic, known] : survey.topics)
-    if (known.type == kPointCloud2 && known.unreadable > 0)
+    if (is_cloud_type(known.type) && known.unreadable > 0)
       text += "; " + unreadable_text(topic, known);
   if (survey.damage.parts > 0) text += "; not readable " + survey.damage.first;
-  throw InputError(name, text,
-                   "messages of sensor_msgs/msg/PointCloud2: choose or record a topic of them");
+  throw InputError(
+      name, text,
+      "messages of sensor_msgs/msg/PointCloud2 or Livox' CustomMsg: choose or record a "
+      "topic of them");
 }
 
 void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {
@@ -124,17 +130,24 @@ void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey
   if (topic.unreadable > 0) contents.notes.push_back(unreadable_text(scans.topic, topic));
 }
 
-void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>& scans) {
+void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>& scans,
+               bool takes_recorded) {
   for (std::size_t i = 0; i < scans->clouds.size(); ++i) {
-    contents.scan_files.push_back(scans->bags[scans->clouds[i].bag]->file());
-    contents.stamps_ns.push_back(scans->clouds[i].stamp_ns);
+    const CloudEntry& cloud = scans->clouds[i];
+    contents.scan_files.push_back(scans->bags[cloud.bag]->file());
+    contents.stamps_ns.push_back(takes_recorded ? cloud.recorded_ns : cloud.stamp_ns);
     contents.entries.numbers.push_back(i);
   }
   contents.entries.topic = scans->topic;
   contents.entries.fields = scans->fields();
   contents.entries.read = [scans](std::size_t number) { return scans->read(number); };
   contents.entries.sha256 = [scans](std::size_t number) { return scans->sha256(number); };
-  contents.relative_clock = contents.stamps_ns.front() < kFirstEpochStampNs;
+  if (takes_recorded)
+    contents.notes.emplace_back(
+        "stamps are when the recorder got the clouds, some time after they were taken; if the "
+        "poses "
+        "then lie behind, build with --pose-time-offset auto");
+  keep_one_clock(contents);
 }
 
 /// When the scans were taken, by the clock of the poses.
@@ -150,6 +163,18 @@ PoseGaps::Place worst_place(const std::vector<PoseGaps>& gaps, std::int64_t stam
   PoseGaps::Place worst = PoseGaps::Place::kKnown;
   for (const PoseGaps& each : gaps) worst = std::max(worst, each.of(stamp_ns));
   return worst;
+}
+
+/// From when to when the poses' clock goes, by the factor with the fewest.
+std::string range_text(const BagPoses& poses) {
+  const Trajectory* moving = nullptr;
+  for (const BagPoses::Factor& factor : poses.factors)
+    if (factor.is_moving() && !factor.moving.poses().empty() &&
+        (moving == nullptr || factor.moving.size() < moving->size()))
+      moving = &factor.moving;
+  if (moving == nullptr) return "none";
+  return fmt::format("from {} to {}", seconds_text(moving->poses().front().stamp_ns),
+                     seconds_text(moving->poses().back().stamp_ns));
 }
 
 /// Recorders of scans and poses start and end apart: scans at the ends may have no pose.
@@ -169,10 +194,17 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
     }
   }
   if (kept.empty())
-    throw InputError(contents.root.string(),
-                     fmt::format("no pose of {} within 0.2 s of any scan", poses.source),
-                     "poses at the scans' stamps: choose another topic with poses=TOPIC, or "
-                     "poses=none; if the clocks differ, build with --pose-time-offset SECONDS");
+    throw InputError(
+        contents.root.string(),
+        fmt::format("no pose of {} within 0.2 s of any scan: the poses are {}, the "
+                    "scans from {} to {}",
+                    poses.source, range_text(poses), seconds_text(contents.stamps_ns.front()),
+                    seconds_text(contents.stamps_ns.back())),
+        fmt::format("poses at the scans' stamps: if the clocks differ, give "
+                    "'{}?stamps=recorded' for the recorder's times of the scans, or "
+                    "build with --pose-time-offset SECONDS; else choose another topic "
+                    "with poses=TOPIC, or poses=none",
+                    contents.root.string()));
   const std::size_t without = contents.stamps_ns.size() - kept.size() - in_gaps.left_out;
   if (without > 0)
     contents.notes.push_back(
@@ -216,6 +248,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   scans->topic = cloud_topic(found, choice, name);
   TopicSurvey& clouds = found.topics.at(scans->topic);
   scans->clouds = std::move(clouds.clouds);
+  scans->is_livox = is_livox_type(clouds.type);
   if (clouds.frames.size() != 1)
     throw InputError(name,
                      fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],
@@ -226,7 +259,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   contents.root = root;
   contents.layout = layout_of(scans->bags.front()->format());
   set_notes(contents, *scans, found);
-  set_scans(contents, scans);
+  set_scans(contents, scans, choice.takes_recorded_stamps());
   contents.entries.frame_id = clouds.frames.front();
   if (choice_of_poses.file) {
     set_poses(contents, *choice_of_poses.file, choice_of_poses.offset_ns);

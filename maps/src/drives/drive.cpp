@@ -20,6 +20,7 @@
 #include "drives/mulran.hpp"
 #include "drives/rawlog_drive.hpp"
 #include "drives/scan_folder.hpp"
+#include "formats/bin.hpp"
 #include "formats/file_bytes.hpp"
 
 namespace stillmap::maps {
@@ -81,12 +82,13 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
 }
 
 Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
-  const auto& [place, words, sensor] = address;
+  const std::filesystem::path& place = address.place;
+  const std::string& words = address.words;
   if (std::filesystem::is_directory(place)) {
     const LayoutReader reader = reader_for(place);
     if (reader.open != nullptr && !words.empty())
       throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
-                       "its folder alone, or '?sensor=NAME': leave out the rest");
+                       "its folder alone, '?sensor=NAME' or '?columns=xyzir': leave out the rest");
     if (reader.open != nullptr) return reader.open(place, poses);
   }
   if (is_rawlog(place)) return open_rawlog_drive(place, words, poses);
@@ -96,6 +98,37 @@ Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
                      "rawlog: check the path");
   }
   return open_bag_drive(place, words, poses);
+}
+
+ScanFileHints file_hints(const Drive::Contents& contents, std::size_t scan) {
+  ScanFileHints hints;
+  hints.bin_columns = contents.bin_columns;
+  if (!contents.relative_clock) hints.stamp_ns = contents.stamps_ns[scan];
+  return hints;
+}
+
+/// Columns of *.bin, as they were given; without, a look at the first scan, which may be of others.
+void set_bin_columns(Drive::Contents& contents, const std::string& given) {
+  const bool is_bin = !contents.scan_files.empty() && contents.entries.numbers.empty() &&
+                      contents.scan_files.front().extension() == ".bin";
+  if (!given.empty()) {
+    if (!is_bin)
+      throw InputError(contents.root.string(),
+                       "'columns=" + given + "' for scans that are no *.bin",
+                       "none: the files name their columns themselves");
+    require_bin_columns(given);
+    contents.bin_columns = given;
+    return;
+  }
+  if (!is_bin) return;
+  const std::filesystem::path& first = contents.scan_files.front();
+  const auto other = other_bin_columns(read_bytes(first).span());
+  if (!other) return;
+  throw InputError(first.string(),
+                   "numbers that are not x y z intensity: they look like " +
+                       std::to_string(other->size()) + " a point",
+                   "float32 x y z intensity, or the columns named: give '" +
+                       contents.root.string() + "?columns=" + *other + "'");
 }
 
 }  // namespace
@@ -129,6 +162,7 @@ Drive Drive::open(const std::filesystem::path& root,
                   std::int64_t pose_offset_ns) {
   const Address address = address_of(root);
   Contents contents = open_place(address, {poses_file, pose_offset_ns});
+  set_bin_columns(contents, address.columns);
   if (pose_offset_ns != 0 && !contents.poses_have_stamps && !contents.T_map_lidar.empty())
     shift_poses_of_scans(contents, pose_offset_ns);
   Drive drive(std::move(contents));
@@ -195,8 +229,8 @@ void Drive::require_own_numbers(const std::filesystem::path& file) const {
 Scan Drive::read(std::size_t index) const {
   const std::filesystem::path& file = contents_.scan_files.at(index);
   const bool is_entry = !contents_.entries.numbers.empty();
-  DecodedScan decoded =
-      is_entry ? contents_.entries.read(contents_.entries.numbers[index]) : read_scan_file(file);
+  DecodedScan decoded = is_entry ? contents_.entries.read(contents_.entries.numbers[index])
+                                 : read_scan_file(file, file_hints(contents_, index));
   Scan scan;
   scan.index = index;
   scan.stamp_ns = contents_.stamps_ns[index];
@@ -205,6 +239,7 @@ Scan Drive::read(std::size_t index) const {
   scan.cloud = std::move(decoded.cloud);
   scan.dropped = decoded.dropped;
   scan.points_in_file = decoded.points_in_file;
+  scan.times_note = std::move(decoded.times_note);
   if (!contents_.spin_start_end_s.empty()) {
     set_spin_times(scan.cloud, contents_.spin_start_end_s[index]);
   }
@@ -221,7 +256,7 @@ std::vector<std::uint32_t> Drive::read_labels(std::size_t index) const {
   if (contents_.label_files.empty() || contents_.label_files[index].empty()) return {};
   const std::filesystem::path& file = contents_.label_files[index];
   const FileBytes bytes = read_bytes(file);
-  const std::size_t points = read_scan_file(scan_file).points_in_file;
+  const std::size_t points = read_scan_file(scan_file, file_hints(contents_, index)).points_in_file;
   if (bytes.span().size() != points * sizeof(std::uint32_t)) {
     throw InputError(file.string(), std::to_string(bytes.span().size()) + " bytes",
                      std::to_string(points * sizeof(std::uint32_t)) + ", 4 for each point of " +

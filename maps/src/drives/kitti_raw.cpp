@@ -20,11 +20,12 @@ double seconds(std::int64_t from_ns, std::int64_t to_ns) {
   return 1e-9 * static_cast<double>(to_ns - from_ns);
 }
 
-/// Stamps of the scans by the number in their names, which are the lines of the stamps (from 0).
-std::vector<std::int64_t> stamps_of(const std::vector<fs::path>& scan_files,
-                                    const fs::path& stamps_file) {
-  const std::vector<std::int64_t> lines = read_kitti_stamps(stamps_file);
-  std::vector<std::int64_t> stamps;
+/// Stamps of the scans by the number in their names, which are the lines of the stamps (from 0);
+/// nothing where the line is blank.
+std::vector<std::optional<std::int64_t>> stamps_of(const std::vector<fs::path>& scan_files,
+                                                   const fs::path& stamps_file) {
+  const std::vector<std::optional<std::int64_t>> lines = read_kitti_stamps(stamps_file);
+  std::vector<std::optional<std::int64_t>> stamps;
   for (const fs::path& file : scan_files) {
     const std::optional<std::size_t> number = number_of(file);
     if (!number || *number >= lines.size()) {
@@ -35,6 +36,26 @@ std::vector<std::int64_t> stamps_of(const std::vector<fs::path>& scan_files,
     stamps.push_back(lines[*number]);
   }
   return stamps;
+}
+
+/// Scans whose line is blank have no time, and are left out.
+void set_kitti_stamps(Drive::Contents& contents, const fs::path& stamps_file) {
+  const auto stamps = stamps_of(contents.scan_files, stamps_file);
+  std::vector<fs::path> files;
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    if (!stamps[i]) continue;
+    files.push_back(contents.scan_files[i]);
+    contents.stamps_ns.push_back(*stamps[i]);
+  }
+  const std::size_t without = stamps.size() - files.size();
+  if (files.empty())
+    throw InputError(stamps_file.string(), "blank lines for all scans",
+                     "a stamp for each scan: copy the file again");
+  contents.scan_files = std::move(files);
+  contents.relative_clock = false;
+  if (without > 0)
+    contents.notes.push_back(fmt::format("{} scans left out, whose lines of {} are blank", without,
+                                         stamps_file.filename().string()));
 }
 
 void note_missing_numbers(Drive::Contents& contents) {
@@ -57,12 +78,13 @@ void set_spin(Drive::Contents& contents, const fs::path& velodyne) {
         "no timestamps_start.txt and timestamps_end.txt: points have no times of their own");
     return;
   }
-  const std::vector<std::int64_t> starts = stamps_of(contents.scan_files, start_file);
-  const std::vector<std::int64_t> ends = stamps_of(contents.scan_files, end_file);
+  const auto starts = stamps_of(contents.scan_files, start_file);
+  const auto ends = stamps_of(contents.scan_files, end_file);
   std::size_t implausible = 0;
   for (std::size_t i = 0; i < starts.size(); ++i) {
     const std::int64_t stamp = contents.stamps_ns[i];
-    std::array<double, 2> spin{seconds(stamp, starts[i]), seconds(stamp, ends[i])};
+    std::array<double, 2> spin{0.0, 0.0};
+    if (starts[i] && ends[i]) spin = {seconds(stamp, *starts[i]), seconds(stamp, *ends[i])};
     if (!(spin[0] >= -kMaxHalfTurnS && spin[0] < 0.0 && spin[1] > 0.0 &&
           spin[1] <= kMaxHalfTurnS)) {
       spin = {0.0, 0.0};
@@ -71,9 +93,10 @@ void set_spin(Drive::Contents& contents, const fs::path& velodyne) {
     contents.spin_start_end_s.push_back(spin);
   }
   if (implausible > 0) {
-    contents.notes.push_back(fmt::format(
-        "{} sweeps start or end over {} s from their stamp: their points count as taken at once",
-        implausible, kMaxHalfTurnS));
+    contents.notes.push_back(
+        fmt::format("{} sweeps have no start or end, or one over {} s from their stamp: their "
+                    "points count as taken at once",
+                    implausible, kMaxHalfTurnS));
   }
 }
 
@@ -107,9 +130,8 @@ Drive::Contents open_kitti_raw(const fs::path& root, const PosesChoice& choice) 
     throw InputError((velodyne / "data").string(), "no *.bin files",
                      "the scans of a synced drive: copy them there");
   }
-  contents.stamps_ns = stamps_of(contents.scan_files, velodyne / "timestamps.txt");
-  contents.relative_clock = false;
   note_missing_numbers(contents);
+  set_kitti_stamps(contents, velodyne / "timestamps.txt");
   set_spin(contents, velodyne);
   set_labels(contents);
   if (choice.file) {

@@ -67,11 +67,19 @@ Trajectory shifted(const Trajectory& trajectory, std::int64_t offset_ns, const f
   return Trajectory(std::move(poses));
 }
 
-std::string seconds_text(std::int64_t stamp_ns) {
-  return fmt::format("{:.3f} s", 1e-9 * static_cast<double>(stamp_ns));
+/// What to do about stamps that are wrong, beyond correcting them.
+std::string remedy_of_stamps(const Drive::Contents& contents) {
+  const bool is_bag = is_recording(contents.layout) && contents.layout != DriveLayout::kRawlog;
+  return is_bag ? fmt::format("give '{}?stamps=recorded' for the recorder's times",
+                              contents.root.string())
+                : "correct their times";
 }
 
 }  // namespace
+
+std::string seconds_text(std::int64_t stamp_ns) {
+  return fmt::format("{:.3f} s", 1e-9 * static_cast<double>(stamp_ns));
+}
 
 std::vector<fs::path> list_files(const fs::path& folder, std::string_view extension) {
   std::vector<fs::path> files;
@@ -287,6 +295,51 @@ void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept)
   keep(contents.label_files);
 }
 
+void keep_one_clock(Drive::Contents& contents) {
+  constexpr double kMostApartNs = 30.0 * 24.0 * 3600.0 * 1e9;
+  std::vector<std::int64_t> sorted = contents.stamps_ns;
+  if (sorted.empty()) return;
+  std::sort(sorted.begin(), sorted.end());
+  if (sorted.size() > 1 && sorted.front() == sorted.back())
+    throw InputError(
+        contents.root.string(),
+        fmt::format("the stamp {} for all {} scans", seconds_text(sorted.front()), sorted.size()),
+        "a stamp of its own for each scan: " + remedy_of_stamps(contents));
+  std::size_t begin = 0, longest = 0;
+  std::int64_t from_ns = 0, to_ns = 0;
+  for (std::size_t i = 1; i <= sorted.size(); ++i) {
+    // As doubles: the difference of two stamps may leave 64 bits.
+    if (i < sorted.size() &&
+        static_cast<double>(sorted[i]) - static_cast<double>(sorted[i - 1]) < kMostApartNs)
+      continue;
+    if (i - begin >= longest) {
+      longest = i - begin;
+      from_ns = sorted[begin];
+      to_ns = sorted[i - 1];
+    }
+    begin = i;
+  }
+  contents.relative_clock = from_ns < kFirstEpochStampNs;
+  if (longest == sorted.size()) return;
+  std::vector<std::size_t> kept;
+  std::string first_other;
+  for (std::size_t i = 0; i < contents.stamps_ns.size(); ++i) {
+    const std::int64_t stamp_ns = contents.stamps_ns[i];
+    if (stamp_ns >= from_ns && stamp_ns <= to_ns)
+      kept.push_back(i);
+    else if (first_other.empty())
+      first_other = fmt::format("{} at {}", contents.scan_name(i), seconds_text(stamp_ns));
+  }
+  const std::size_t others = contents.stamps_ns.size() - kept.size();
+  keep_scans(contents, kept);
+  contents.notes.push_back(
+      fmt::format("{} scans left out, whose stamps are of another clock than the {} from {} to {}: "
+                  "the first is "
+                  "{}; to keep them, {}",
+                  others, kept.size(), seconds_text(from_ns), seconds_text(to_ns), first_other,
+                  remedy_of_stamps(contents)));
+}
+
 /// The most values, by their indices, that rise from each to the next (patience sorting): one that
 /// is far off costs itself and not those after it.
 std::vector<std::size_t> longest_rise(const std::vector<std::int64_t>& values) {
@@ -309,6 +362,7 @@ std::vector<std::size_t> longest_rise(const std::vector<std::int64_t>& values) {
 }
 
 void leave_out_unordered(Drive::Contents& contents) {
+  keep_one_clock(contents);
   const std::vector<std::size_t> kept = longest_rise(contents.stamps_ns);
   std::string left_out;
   for (std::size_t i = 0, next = 0; i < contents.stamps_ns.size() && left_out.size() < 200; ++i) {
@@ -323,7 +377,7 @@ void leave_out_unordered(Drive::Contents& contents) {
     throw InputError(
         contents.root.string(),
         fmt::format("stamps out of order for {} of {} scans", count, contents.stamps_ns.size()),
-        "ascending stamps: sort the scans by time, or correct their times");
+        "ascending stamps: sort the scans by time, or " + remedy_of_stamps(contents));
   }
   keep_scans(contents, kept);
   contents.notes.push_back(

@@ -95,8 +95,17 @@ void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept)
 /// Whether a layout is a recording of all that a sensor sent, in a file with other messages.
 [[nodiscard]] bool is_recording(DriveLayout layout);
 
-/// Leaves out the fewest scans without which stamps rise from each to the next, and says so. Call
-/// it last.
+/// "1700000000.100 s".
+[[nodiscard]] std::string seconds_text(std::int64_t stamp_ns);
+
+/// Keeps the scans of one clock: where stamps lie more than 30 days apart, a clock was set, or had
+/// none yet; the part with the most scans stays (of equal ones the latest), and a note says what
+/// was left out. Sets `relative_clock` by what stays.
+/// @throws InputError where all stamps are the same.
+void keep_one_clock(Drive::Contents& contents);
+
+/// Leaves out the scans of other clocks, and the fewest scans without which stamps rise from each
+/// to the next, and says so. Call it last.
 /// @throws InputError if that is more than a tenth of the scans: the stamps then mean something
 /// else.
 void leave_out_unordered(Drive::Contents& contents);

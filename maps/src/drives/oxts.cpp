@@ -94,14 +94,12 @@ Eigen::Isometry3d T_map_imu_of(const OxtsPacket& packet,
 
 }  // namespace
 
-std::vector<std::int64_t> read_kitti_stamps(const fs::path& file) {
+std::vector<std::optional<std::int64_t>> read_kitti_stamps(const fs::path& file) {
   const std::string text = read_text(file);
-  std::vector<std::int64_t> stamps;
+  std::vector<std::optional<std::int64_t>> stamps;
   for (const NumberLine& line : number_lines(text)) {
-    // A file's number is its line, so a hole would shift all that follow.
-    if (line.line != stamps.size() + 1) {
-      throw InputError(place(file, stamps.size() + 1), "a blank line or comment", "a stamp");
-    }
+    // A file's number is its line: a hole must not shift those that follow.
+    stamps.resize(line.line - 1);
     const std::optional<std::int64_t> stamp =
         line.fields.size() == 2 ? parse_date_time(line.fields[0], line.fields[1]) : std::nullopt;
     if (!stamp) {
@@ -117,10 +115,10 @@ std::vector<std::int64_t> read_kitti_stamps(const fs::path& file) {
 
 OxtsPath read_oxts(const fs::path& folder) {
   const fs::path stamps_file = folder / "timestamps.txt";
-  const std::vector<std::int64_t> stamps = read_kitti_stamps(stamps_file);
+  const std::vector<std::optional<std::int64_t>> stamps = read_kitti_stamps(stamps_file);
   OxtsPath path;
   std::optional<GeographicLib::LocalCartesian> local;
-  std::size_t unordered = 0;
+  std::size_t unordered = 0, without_stamp = 0;
   for (const fs::path& file : list_files(folder / "data", ".txt")) {
     const std::optional<std::size_t> number = number_of(file);
     if (!number || *number >= stamps.size()) {
@@ -128,8 +126,9 @@ OxtsPath read_oxts(const fs::path& folder) {
           file.string(), fmt::format("no stamp for it among {} lines", stamps.size()),
           "its number as a line (from 0) of " + stamps_file.string() + ": copy the whole file");
     }
-    if (!path.T_map_imu.empty() && stamps[*number] <= path.T_map_imu.back().stamp_ns) {
-      ++unordered;
+    const std::optional<std::int64_t> stamp = stamps[*number];
+    if (!stamp || (!path.T_map_imu.empty() && *stamp <= path.T_map_imu.back().stamp_ns)) {
+      ++(stamp ? unordered : without_stamp);
       continue;
     }
     const OxtsPacket packet = read_packet(file);
@@ -137,11 +136,14 @@ OxtsPath read_oxts(const fs::path& folder) {
       local.emplace(packet.latitude_deg, packet.longitude_deg, packet.altitude_m);
       path.origin = {packet.latitude_deg, packet.longitude_deg, packet.altitude_m};
     }
-    path.T_map_imu.push_back({stamps[*number], T_map_imu_of(packet, *local)});
+    path.T_map_imu.push_back({*stamp, T_map_imu_of(packet, *local)});
   }
   if (path.T_map_imu.empty()) {
     throw InputError((folder / "data").string(), "no oxts packets", "*.txt files: copy them there");
   }
+  if (without_stamp > 0)
+    path.notes.push_back(fmt::format("{} oxts packets left out, whose lines of {} are blank",
+                                     without_stamp, stamps_file.filename().string()));
   if (unordered > 0) {
     path.notes.push_back(fmt::format(
         "{} oxts packets left out, whose stamps are not after the one before", unordered));

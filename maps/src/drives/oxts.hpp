@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,8 +14,11 @@ namespace stillmap::maps {
 
 /// Lines `2011-09-26 13:10:51.158069617` to ns since the Unix epoch, without loss; no zone is
 /// given, UTC is taken.
+/// @return one for each line; nothing for a blank line, which drives with a lost scan have (0009 of
+/// 2011_09_26).
 /// @throws InputError naming file, line and value.
-[[nodiscard]] std::vector<std::int64_t> read_kitti_stamps(const std::filesystem::path& file);
+[[nodiscard]] std::vector<std::optional<std::int64_t>> read_kitti_stamps(
+    const std::filesystem::path& file);
 
 /// Path of the GPS/IMU unit in its own frame.
 struct OxtsPath {

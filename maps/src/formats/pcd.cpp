@@ -192,11 +192,11 @@ auto read_points(std::span<const std::byte> bytes, const PcdHeader& header,
 }  // namespace
 
 DecodedScan decode_pcd(std::span<const std::byte> bytes, const std::string& name,
-                       std::size_t max_points) {
+                       std::size_t max_points, std::optional<std::int64_t> stamp_ns) {
   const PcdHeader header = parse_pcd_header(header_part(bytes), name, max_points);
   const std::vector<Role> roles = roles_of(header.fields, name);
   return read_points(bytes, header, roles, name,
-                     [&] { return PointTable(header.fields, roles, header.points); })
+                     [&] { return PointTable(header.fields, roles, header.points, stamp_ns); })
       .finish();
 }
 

@@ -278,14 +278,14 @@ Vertices find_vertices(std::span<const std::byte> bytes, const PlyHeader& header
 }  // namespace
 
 DecodedScan decode_ply(std::span<const std::byte> bytes, const std::string& name,
-                       std::size_t max_points) {
+                       std::size_t max_points, std::optional<std::int64_t> stamp_ns) {
   const PlyHeader header = parse_ply_header(header_part(bytes), name);
   auto [element, stream] = find_vertices(bytes, header, name);
   check_point_count(element->count, max_points, name);
   const std::size_t points = element->count;
   return read_vertices(*element, stream, name,
-                       [points](const auto& fields, const auto& roles) {
-                         return PointTable(fields, roles, points);
+                       [points, stamp_ns](const auto& fields, const auto& roles) {
+                         return PointTable(fields, roles, points, stamp_ns);
                        })
       .finish();
 }

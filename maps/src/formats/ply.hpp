@@ -9,7 +9,8 @@ namespace stillmap::maps {
 /// time, are skipped, lists among them.
 /// @throws InputError naming `name`, the value found and what was expected.
 [[nodiscard]] DecodedScan decode_ply(std::span<const std::byte> bytes, const std::string& name,
-                                     std::size_t max_points);
+                                     std::size_t max_points,
+                                     std::optional<std::int64_t> stamp_ns = std::nullopt);
 
 /// The same, handed on as it is read, in doubles. @throws as `decode_ply`, and what `take` throws.
 CloudSummary stream_ply(std::span<const std::byte> bytes, const std::string& name,

@@ -9,6 +9,8 @@
 #include <cstring>
 #include <string_view>
 
+#include "formats/point_times.hpp"
+
 namespace stillmap::maps {
 namespace {
 
@@ -119,13 +121,14 @@ bool is_time_name(const std::string& name) {
 }
 
 PointTable::PointTable(std::span<const PointField> fields, std::span<const Role> roles,
-                       std::size_t points) {
+                       std::size_t points, std::optional<std::int64_t> stamp_ns)
+    : stamp_ns_(stamp_ns) {
   cloud_.positions.resize(points);
   for (std::size_t i = 0; i < roles.size(); ++i) {
     if (roles[i] == Role::kIntensity) cloud_.intensities.resize(points);
     if (roles[i] != Role::kTime) continue;
-    cloud_.time_offsets_s.resize(points);
-    time_unit_s_ = is_whole(fields[i].type) ? 1e-9 : 1.0;
+    times_.resize(points);
+    time_field_ = fields[i];
   }
 }
 
@@ -146,7 +149,7 @@ void PointTable::set(Role role, std::size_t point, double value) {
       cloud_.intensities[point] = static_cast<float>(value);
       return;
     case Role::kTime:
-      cloud_.time_offsets_s[point] = static_cast<float>(value * time_unit_s_);
+      times_[point] = value;
       return;
   }
 }
@@ -155,9 +158,12 @@ DecodedScan PointTable::finish() && {
   DecodedScan scan;
   scan.points_in_file = cloud_.size();
   scan.dropped = drop_invalid(cloud_);
-  const auto plausible = [](float t) { return std::abs(t) <= kMaxTimeOffsetS; };
-  if (!std::all_of(cloud_.time_offsets_s.begin(), cloud_.time_offsets_s.end(), plausible)) {
-    cloud_.time_offsets_s.clear();
+  if (!times_.empty()) {
+    for (std::size_t i = 0; i < cloud_.size(); ++i) times_[i] = times_[cloud_.file_index(i)];
+    times_.resize(cloud_.size());
+    PointTimes times = read_point_times(times_, time_field_, stamp_ns_);
+    cloud_.time_offsets_s = std::move(times.offsets_s);
+    scan.times_note = std::move(times.note);
   }
   scan.cloud = std::move(cloud_);
   return scan;

@@ -3,6 +3,7 @@
 #include <stillmap/maps/scan_file.hpp>
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -48,20 +49,24 @@ enum class Role { kNone, kX, kY, kZ, kIntensity, kTime };
 class PointTable {
  public:
   /// Allocates for `points`; the caller has checked them against the bytes at hand.
-  PointTable(std::span<const PointField> fields, std::span<const Role> roles, std::size_t points);
+  /// @param stamp_ns  of the scan, where it is known.
+  PointTable(std::span<const PointField> fields, std::span<const Role> roles, std::size_t points,
+             std::optional<std::int64_t> stamp_ns);
 
   [[nodiscard]] std::size_t size() const { return cloud_.size(); }
   void set(Role role, std::size_t point, double value);
   /// All points below this one are set: nothing to do for a table that holds them all.
   void reached(std::size_t /*end*/) {}
-  /// Drops NaN, infinite and zero-range points. Times are kept if all of them are within 1 s of the
-  /// stamp: what is farther (epochs, microseconds) has another zero or unit than the one
-  /// documented.
+  /// Drops NaN, infinite and zero-range points, and reads the times of the others
+  /// (point_times.hpp).
   [[nodiscard]] DecodedScan finish() &&;
 
  private:
   PointCloud cloud_;
-  double time_unit_s_ = 1.0;
+  /// As they stand in the column; empty without one.
+  std::vector<double> times_;
+  PointField time_field_;
+  std::optional<std::int64_t> stamp_ns_;
 };
 
 /// Removes points that are not finite or have zero range, in place and in order, with their

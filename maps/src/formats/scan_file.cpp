@@ -15,6 +15,7 @@ namespace {
 
 /// What is larger is a map (`cloud_file.hpp`): it would be read into memory as a whole.
 constexpr std::uintmax_t kMostFileBytes = std::uintmax_t{1} << 30U;
+constexpr std::size_t kMostScanPoints = 20'000'000;
 
 ScanFormat format_of(const std::filesystem::path& file) {
   const std::string extension = file.extension().string();
@@ -43,21 +44,24 @@ std::size_t raw_point_bytes(ScanFormat format) {
 }
 
 DecodedScan decode_scan(std::span<const std::byte> bytes, ScanFormat format,
-                        const std::string& name, std::size_t max_points) {
+                        const std::string& name, std::size_t max_points,
+                        std::optional<std::int64_t> stamp_ns) {
   switch (format) {
     case ScanFormat::kBinXyzi:
+      return decode_bin(bytes, "xyzi", name, max_points);
     case ScanFormat::kBinXyz:
+      return decode_bin(bytes, "xyz", name, max_points);
     case ScanFormat::kBinXyzit:
-      return decode_bin(bytes, format, name, max_points);
+      return decode_bin(bytes, "xyzit", name, max_points);
     case ScanFormat::kPcd:
-      return decode_pcd(bytes, name, max_points);
+      return decode_pcd(bytes, name, max_points, stamp_ns);
     case ScanFormat::kPly:
-      return decode_ply(bytes, name, max_points);
+      return decode_ply(bytes, name, max_points, stamp_ns);
   }
   throw std::invalid_argument("decode_scan: unknown format");
 }
 
-DecodedScan read_scan_file(const std::filesystem::path& file) {
+DecodedScan read_scan_file(const std::filesystem::path& file, const ScanFileHints& hints) {
   const ScanFormat format = format_of(file);
   std::error_code ignored;
   // What is not there is told of where it is opened.
@@ -66,7 +70,10 @@ DecodedScan read_scan_file(const std::filesystem::path& file) {
     throw InputError(
         file.string(), std::to_string(size) + " bytes of one scan",
         "at most " + std::to_string(kMostFileBytes) + "; a whole map is read by `stillmap import`");
-  return decode_scan(read_bytes(file).span(), format, file.string());
+  const FileBytes bytes = read_bytes(file);
+  return format == ScanFormat::kBinXyzi
+             ? decode_bin(bytes.span(), hints.bin_columns, file.string(), kMostScanPoints)
+             : decode_scan(bytes.span(), format, file.string(), kMostScanPoints, hints.stamp_ns);
 }
 
 }  // namespace stillmap::maps

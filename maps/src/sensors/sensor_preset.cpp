@@ -26,7 +26,7 @@ constexpr std::nullopt_t kNone = std::nullopt;
 /// `ts_first_point`, ouster-ros the first column's, HesaiLidar_ROS_2.0 the first point's. Ranges:
 /// OS0 sees dark things (10 %) to 35 m, Mid-360 to 40 m; who carries an Avia or a Mid-360 stands
 /// within 1 m and 0.5 m.
-constexpr std::array<SensorPreset, 20> kPresets{{
+constexpr std::array<SensorPreset, 21> kPresets{{
     {"hdl-64e", -24.9, 2.0, 64, kEnd, kNone, kNone},
     {"hdl-32e", -30.67, 10.67, 32, kEnd, kNone, kNone},
     {"vlp-16", -15.0, 15.0, 16, kEnd, kNone, kNone},
@@ -46,6 +46,7 @@ constexpr std::array<SensorPreset, 20> kPresets{{
     {"rs-32", -25.0, 15.0, 32, kEnd, kNone, kNone},
     {"rs-128", -25.0, 15.0, 128, kEnd, kNone, kNone},
     {"avia", -38.6, 38.6, 6, kNone, 1.0, kNone},
+    {"hap", -12.5, 12.5, 6, kNone, kNone, kNone},
     {"mid-360", -7.0, 52.0, 4, kNone, 0.5, 40.0},
 }};
 
@@ -89,10 +90,11 @@ bool fits(const SensorPreset& sensor, const Spans& spans, std::size_t points) {
   constexpr double kAboveLowestDeg = 3.0, kBeyondDeg = 1.5, kBelowHighestDeg = 10.0;
   const bool turns = sensor.stamp_at.has_value();
   const bool all_around = spans.azimuths > 270;
-  if (sensor.name == "avia") {
-    const double height_deg = spans.highest_deg - spans.lowest_deg;
+  const double height_deg = spans.highest_deg - spans.lowest_deg;
+  if (sensor.name == "avia")
     return spans.azimuths <= 90 && height_deg <= 80.0 && height_deg >= 20.0;
-  }
+  if (sensor.name == "hap")
+    return spans.azimuths > 90 && spans.azimuths <= 125 && height_deg <= 26.5 && height_deg >= 15.0;
   if (!all_around) return false;
   if (spans.lowest_deg < sensor.lowest_deg - kBeyondDeg ||
       spans.lowest_deg > sensor.lowest_deg + kAboveLowestDeg ||
@@ -144,7 +146,9 @@ Drive with_sensor(const Drive& drive, const SensorPreset& sensor) {
   if (entries.numbers.empty()) {
     const auto& files = contents.scan_files;
     for (std::size_t i = 0; i < files.size(); ++i) entries.numbers.push_back(i);
-    entries.read = [files](std::size_t i) { return read_scan_file(files.at(i)); };
+    entries.read = [files, columns = contents.bin_columns](std::size_t i) {
+      return read_scan_file(files.at(i), {std::nullopt, columns});
+    };
     entries.sha256 = [files](std::size_t i) { return sha256_of_file(files.at(i)); };
   }
   // Scans that are read otherwise are called otherwise: what was found in them is not taken over.

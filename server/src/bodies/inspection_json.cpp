@@ -131,6 +131,7 @@ std::string inspection_json(const DriveSummary& summary) {
   json["first_scan"] = {{"points", summary.first_scan_points},
                         {"non_finite", summary.first_scan_dropped.non_finite},
                         {"zero_range", summary.first_scan_dropped.zero_range},
+                        {"unsure", summary.first_scan_dropped.unsure},
                         {"bounds_lidar", bounds(summary.first_scan_bounds)}};
   json["sensors"] = summary.sensors;
   json["notes"] = summary.notes;

@@ -54,8 +54,8 @@ std::optional<localization::Prior> read_prior(const RequestJson& request) {
   localization::Prior prior;
   prior.T_map_lidar = read_pose(*found, ErrorCode::kInvalidPrior, "prior");
   if (found->contains("covariance")) {
-    prior.covariance =
-        checked_covariance(read_numbers<36>(*found, "covariance", "prior"), "prior.covariance");
+    prior.covariance = checked_prior_covariance(read_numbers<36>(*found, "covariance", "prior"),
+                                                "prior.covariance");
   }
   return prior;
 }

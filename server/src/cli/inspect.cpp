@@ -115,7 +115,10 @@ void print_for_people(const server::DriveSummary& drive) {
   table.add(
       "first scan",
       fmt::format("{} points, {} not finite, {} without return", grouped(drive.first_scan_points),
-                  drive.first_scan_dropped.non_finite, drive.first_scan_dropped.zero_range));
+                  drive.first_scan_dropped.non_finite, drive.first_scan_dropped.zero_range) +
+          (drive.first_scan_dropped.unsure > 0
+               ? fmt::format(", {} marked as unsure", drive.first_scan_dropped.unsure)
+               : ""));
   table.add("  bounds", text_of(drive.first_scan_bounds));
   if (!drive.sensors.empty())
     table.add("looks like",

@@ -23,19 +23,13 @@ constexpr std::string_view kPcd = "application/vnd.pcd";
 
 maps::PointCloud decode(std::string_view bytes, maps::ScanFormat format,
                         const ServerOptions& options) {
-  maps::DecodedScan decoded;
   try {
-    decoded =
-        maps::decode_scan(std::as_bytes(std::span(bytes)), format, "scan", options.max_scan_points);
+    return maps::decode_scan(std::as_bytes(std::span(bytes)), format, "scan",
+                             options.max_scan_points)
+        .cloud;
   } catch (const maps::InputError& error) {
     throw ApiError(ErrorCode::kInvalidScan, error.what());
   }
-  if (decoded.dropped.non_finite > 0) {
-    throw field_error(ErrorCode::kInvalidPoints, "scan",
-                      fmt::format("{} points that are not finite", decoded.dropped.non_finite),
-                      "finite coordinates");
-  }
-  return std::move(decoded.cloud);
 }
 
 maps::PointCloud decode_raw(std::string_view bytes, maps::ScanFormat format,

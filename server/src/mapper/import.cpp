@@ -30,12 +30,11 @@ struct ImportArguments {
 
 std::string to_json_text(const mapping::MapImportResult& result, const ImportArguments& arguments) {
   auto json = nlohmann::ordered_json::parse(mapping::to_json(result));
-  json["options"] = {{"file", arguments.file.string()},
-                     {"frame_id", arguments.options.frame_id.value_or("")},
-                     {"geo_origin", arguments.geo_origin},
-                     {"utm", arguments.utm},
-                     {"voxel_m", arguments.options.voxel_size_m},
-                     {"threads", arguments.options.threads}};
+  json["options"] = {
+      {"file", arguments.file.string()},     {"frame_id", arguments.options.frame_id.value_or("")},
+      {"geo_origin", arguments.geo_origin},  {"utm", arguments.utm},
+      {"up", arguments.options.up},          {"voxel_m", arguments.options.voxel_size_m},
+      {"threads", arguments.options.threads}};
   return json.dump(2);
 }
 
@@ -112,6 +111,11 @@ void add_import(CLI::App& app) {
                       "map's origin (x east, y north)");
   command->add_option("--utm", arguments->utm,
                       "UTM zone of the coordinates, for example 32N, if the file does not say it");
+  command
+      ->add_option("--up", options.up,
+                   "Axis of the coordinates that points up: x, -x, y, -y, z or -z; y for maps in "
+                   "LOAM's camera axes")
+      ->capture_default_str();
   command
       ->add_option("--voxel,--voxel-size", options.voxel_size_m,
                    "Edge of the voxels into which points are merged [m]")

@@ -3,6 +3,7 @@
 #include "errors/api_error.hpp"
 
 #include <stillmap/localization/movable.hpp>
+#include <stillmap/localization/options.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <fmt/format.h>
@@ -10,6 +11,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <optional>
 
 namespace stillmap::server {
 
@@ -24,7 +26,8 @@ Eigen::Isometry3d checked_pose(const std::array<double, 3>& position,
   if (!(std::abs(q.norm() - 1.0) <= kQuaternionTolerance)) {
     throw field_error(field.code, field.quaternion_path,
                       fmt::format("{} with norm {}", fmt::join(quaternion, ", "), q.norm()),
-                      fmt::format("x, y, z, w with norm 1 within {}", kQuaternionTolerance));
+                      fmt::format("x, y, z, w with norm 1 within {}{}", kQuaternionTolerance,
+                                  q.norm() == 0.0 ? "; send 0, 0, 0, 1 for no turn" : ""));
   }
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.translation() = t;
@@ -32,25 +35,46 @@ Eigen::Isometry3d checked_pose(const std::array<double, 3>& position,
   return T;
 }
 
-Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> values,
-                                               const std::string& path, ErrorCode code) {
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  Matrix6 covariance =
-      Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(values.data());
-  if (!covariance.allFinite()) {
-    throw field_error(code, path, "a number that is not finite", "36 finite numbers");
-  }
-  const double scale = covariance.cwiseAbs().maxCoeff();
-  const bool symmetric =
-      (covariance - covariance.transpose()).cwiseAbs().maxCoeff() <= 1e-9 * scale;
+namespace {
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+
+constexpr std::array kRowNames{"tx", "ty", "tz", "rx", "ry", "rz"};
+
+/// What keeps a finite matrix from being a covariance.
+std::string fault_of(const Matrix6& covariance) {
+  // What 32-bit floats leave of a symmetry.
+  constexpr double kSymmetryTolerance = 1e-6;
+  const Matrix6 difference = (covariance - covariance.transpose()).cwiseAbs();
+  Eigen::Index row = 0, column = 0;
+  if (difference.maxCoeff(&row, &column) > kSymmetryTolerance * covariance.cwiseAbs().maxCoeff())
+    return fmt::format("a matrix that is not symmetric: row {}, column {} is {}, the other way {}",
+                       row, column, covariance(row, column), covariance(column, row));
+  for (Eigen::Index i = 0; i < 6; ++i)
+    if (covariance(i, i) <= 0.0)
+      return fmt::format(
+          "a matrix that is not positive definite: the variance of {} (row {}) is {}",
+          kRowNames.at(static_cast<std::size_t>(i)), i, covariance(i, i));
   const std::optional<Matrix6> factor = maps::cholesky(covariance);
   // A NaN on the way, of an overflow, passes for success.
-  if (!symmetric || !factor || !factor->allFinite()) {
-    throw field_error(
-        code, path,
-        symmetric ? "a matrix that is not positive definite" : "a matrix that is not symmetric",
-        "a symmetric positive definite 6 x 6 matrix, row by row");
+  if (!factor || !factor->allFinite()) return "a matrix that is not positive definite";
+  return {};
+}
+
+}  // namespace
+
+Matrix6 checked_covariance(std::span<const double, 36> values, const std::string& path,
+                           ErrorCode code) {
+  const Matrix6 given = Eigen::Map<const RowMajor6>(values.data());
+  if (!given.allFinite()) {
+    throw field_error(code, path, "a number that is not finite", "36 finite numbers");
   }
+  if (const std::string fault = fault_of(given); !fault.empty())
+    throw field_error(code, path, fault,
+                      "a symmetric positive definite 6 x 6 matrix, row by row, both triangles "
+                      "filled");
+  const Matrix6 covariance = 0.5 * (given + given.transpose());
   const auto variances = covariance.diagonal().array();
   if (!(variances >= kMinSigma * kMinSigma && variances <= kMaxSigma * kMaxSigma).all()) {
     throw field_error(
@@ -59,6 +83,18 @@ Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> value
         fmt::format("deviations in [{}, {}] m or rad", kMinSigma, kMaxSigma));
   }
   return covariance;
+}
+
+Matrix6 checked_prior_covariance(std::span<const double, 36> values, const std::string& path) {
+  const localization::AlignerOptions search;
+  RowMajor6 covariance = Eigen::Map<const RowMajor6>(values.data());
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    if (!covariance.row(i).isZero(0.0) || !covariance.col(i).isZero(0.0)) continue;
+    const double sigma = (i < 3 ? search.search_radius_m : search.search_yaw_rad) / 3.0;
+    covariance(i, i) = sigma * sigma;
+  }
+  return checked_covariance(std::span<const double, 36>(covariance.data(), 36), path,
+                            ErrorCode::kInvalidPrior);
 }
 
 void check_gnss(const GnssFix& fix, const std::string& path) {

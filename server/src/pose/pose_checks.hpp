@@ -48,11 +48,18 @@ struct PoseField {
                                              const std::array<double, 4>& quaternion,
                                              const PoseField& field);
 
+/// A covariance, made symmetric where it is so but for the digits of 32-bit floats.
 /// @param values  36, row by row. @throws ApiError with the code unless symmetric, positive
 /// definite, and of deviations in [kMinSigma, kMaxSigma].
-[[nodiscard]] Eigen::Matrix<double, 6, 6> checked_covariance(
-    std::span<const double, 36> values, const std::string& path,
-    ErrorCode code = ErrorCode::kInvalidPrior);
+[[nodiscard]] Eigen::Matrix<double, 6, 6> checked_covariance(std::span<const double, 36> values,
+                                                             const std::string& path,
+                                                             ErrorCode code);
+
+/// The same of a prior, whose rows of zeros mean "not told", as planar localizers write z, roll and
+/// pitch: they get the deviation of which the search around a prior without covariance is three
+/// times.
+[[nodiscard]] Eigen::Matrix<double, 6, 6> checked_prior_covariance(
+    std::span<const double, 36> values, const std::string& path);
 
 /// @throws ApiError kInvalidPrior for a place that is not on Earth or a deviation out of its
 /// bounds.

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "import/upright.hpp"
 #include "support/las_bytes.hpp"
 #include "support/matchers.hpp"
 #include "support/synthetic_world.hpp"
@@ -84,6 +85,28 @@ TEST_F(MapImport, ScansAreFoundInItWithAndWithoutAPrior) {
   EXPECT_THAT(aligner->align(scan, localization::Prior{T_prior, {}}).T_map_lidar,
               IsNearPose(T_truth, 0.05, 0.005));
   EXPECT_THAT(aligner->align(scan, std::nullopt).T_map_lidar, IsNearPose(T_truth, 0.05, 0.005));
+}
+
+TEST_F(MapImport, MapsOnTheirSideAreSaidAndTurned) {
+  const auto points = points_of_a_street(Eigen::Vector3d::Zero());
+  const MapImportResult upright = import("upright.pcd", pcd_of<double>(points), "upright");
+  EXPECT_THAT(upright.warnings, IsEmpty());
+  for (const char* up : {"x", "-x", "y", "-y"}) {
+    std::vector<Eigen::Vector3d> turned;
+    for (const Eigen::Vector3d& p : points) turned.push_back(R_upright(up).transpose() * p);
+    options_.up = "z";
+    const std::string name = std::string("map") + up;
+    EXPECT_THAT(
+        import("turned.pcd", pcd_of<double>(turned), name).warnings,
+        ::testing::Contains(::testing::AllOf(HasSubstr("stands on its side"),
+                                             ::testing::EndsWith(std::string("--up ") + up))));
+    options_.up = up;
+    const MapImportResult mended = import("turned.pcd", pcd_of<double>(turned), name + "_up");
+    EXPECT_THAT(mended.warnings, IsEmpty());
+    EXPECT_EQ(mended.counts.at("ground"), upright.counts.at("ground")) << up;
+  }
+  options_.up = "north";
+  EXPECT_THAT(options_.violations(), ::testing::Contains(HasSubstr("--up")));
 }
 
 TEST_F(MapImport, PackageSaysWhatItIsMadeOf) {

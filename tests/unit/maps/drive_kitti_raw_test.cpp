@@ -178,7 +178,7 @@ TEST_F(KittiRawDrive, TakesASweepWithImpossibleStartAsTakenAtOnce) {
   const Drive drive = Drive::open(root());
   EXPECT_THAT(drive.contents().spin_start_end_s[1], ElementsAre(0.0, 0.0));
   EXPECT_LT(drive.contents().spin_start_end_s[2][0], 0.0);
-  EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("1 sweeps start or end")));
+  EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("1 sweeps have no start or end")));
 }
 
 TEST_F(KittiRawDrive, WithMissingScansUsesTheirNumbersAsLines) {
@@ -294,6 +294,32 @@ TEST(KittiStamps, AreParsedWithoutLoss) {
   const TemporaryFolder folder;
   const auto file = folder.write("t.txt", "2011-09-26 13:10:51.158069617\n1970-01-01 00:00:00\n");
   EXPECT_THAT(read_kitti_stamps(file), ElementsAre(1317042651158069617, 0));
+}
+
+TEST(KittiStamps, OfBlankLinesAreNone) {
+  const TemporaryFolder folder;
+  const auto file = folder.write("t.txt", "1970-01-01 00:00:00\n\n1970-01-01 00:00:02\n");
+  EXPECT_THAT(read_kitti_stamps(file), ElementsAre(0, std::nullopt, 2'000'000'000));
+}
+
+TEST_F(KittiRawDrive, NotesAScanThatWasLostWithItsStamp) {
+  remove("velodyne_points/data/0000000001.bin");
+  for (const char* name : {"timestamps.txt", "timestamps_start.txt", "timestamps_end.txt"}) {
+    const double shift = std::string(name) == "timestamps.txt"         ? 0.0
+                         : std::string(name) == "timestamps_start.txt" ? -0.05
+                                                                       : 0.06;
+    write(std::string("velodyne_points/") + name,
+          stamp(10.0 + shift) + "\n" + stamp(10.2 + shift) + stamp(10.3 + shift));
+  }
+  const Drive drive = Drive::open(root());
+  EXPECT_EQ(drive.size(), 3U);
+  EXPECT_NEAR(drive.T_map_lidar(1).translation().y() - drive.T_map_lidar(0).translation().y(), 2.0,
+              2e-3);
+  EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("1 scans missing on disk: 1 to 1")));
+  // Its scan may be there without a stamp.
+  write("velodyne_points/data/0000000001.bin", xyzi(1, 0, 0, 0.5F));
+  EXPECT_THAT(Drive::open(root()).contents().notes,
+              Contains(HasSubstr("1 scans left out, whose lines of timestamps.txt are blank")));
 }
 
 TEST(KittiStamps, RefuseWhatIsNoTime) {

@@ -3,6 +3,8 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
 
+#include <cmath>
+
 #include "drives/layout.hpp"
 #include "scan_bytes.hpp"
 #include "support/temporary_folder.hpp"
@@ -52,6 +54,52 @@ TEST_F(ScanFolderDrive, HasNoPosesAndATenthOfASecondWithoutFilesOfThem) {
   EXPECT_TRUE(drive.relative_clock());
   EXPECT_THAT(drive.contents().stamps_ns, ElementsAre(0, kAssumedPeriodNs));
   EXPECT_EQ(drive.contents().notes.size(), 1U);
+}
+
+/// Points of a street with more numbers each than x y z intensity.
+std::string points_with(std::size_t columns) {
+  std::string bytes;
+  for (int i = 0; i < 1500; ++i) {
+    const float angle = 0.01F * static_cast<float>(i);
+    const float range = 5.0F + static_cast<float>(i % 37);
+    const float values[] = {range * std::cos(angle),
+                            range * std::sin(angle),
+                            0.05F * static_cast<float>(i % 40) - 1.7F,
+                            static_cast<float>(i % 250),
+                            static_cast<float>(i % 32),
+                            0.1F * static_cast<float>(i) / 1500.0F};
+    for (std::size_t c = 0; c < columns; ++c) test::append(bytes, values[c]);
+  }
+  return bytes;
+}
+
+TEST_F(ScanFolderDrive, OffersTheColumnsThatABinLooksLike) {
+  folder_.write("a.pcd.bin", points_with(4));
+  EXPECT_EQ(open().read(0).cloud.size(), 1500U);
+  // 1,500 points of five numbers are 1,875 of four.
+  folder_.write("a.pcd.bin", points_with(5));
+  expect_error("numbers that are not x y z intensity: they look like 5 a point", "?columns=xyzir'");
+  const Drive drive = Drive::open(folder_.path().string() + "?columns=xyzir");
+  EXPECT_EQ(drive.read(0).cloud.size(), 1500U);
+  EXPECT_EQ(drive.read(0).cloud.intensities[100], 100.0F);
+  folder_.write("a.pcd.bin", points_with(6));
+  expect_error("look like 6 a point", "?columns=xyzirt'");
+  EXPECT_NEAR(
+      Drive::open(folder_.path().string() + "?columns=xyzirt").read(0).cloud.time_offsets_s[750],
+      0.05F, 1e-6F);
+  folder_.write("a.pcd.bin", points_with(3));
+  expect_error("look like 3 a point", "?columns=xyz'");
+}
+
+TEST_F(ScanFolderDrive, RefusesColumnsThatAreNone) {
+  folder_.write("a.bin", points_with(4));
+  for (const char* columns : {"xyq", "xxyz", "xyi", "xyziitt"})
+    EXPECT_THAT([&] { (void)Drive::open(folder_.path().string() + "?columns=" + columns); },
+                ThrowsMessage<InputError>(HasSubstr("a letter for each float32 of a point")));
+  std::filesystem::remove(folder_.path() / "a.bin");
+  folder_.write("a.pcd", kPcd);
+  EXPECT_THAT([&] { (void)Drive::open(folder_.path().string() + "?columns=xyzir"); },
+              ThrowsMessage<InputError>(HasSubstr("scans that are no *.bin")));
 }
 
 TEST_F(ScanFolderDrive, FindsLabelsByTheScansNames) {

@@ -23,6 +23,9 @@ struct MapImportOptions {
   /// Coordinates are easting, northing and height above the ellipsoid in this zone, which the file
   /// itself need not say.
   std::optional<maps::UtmZone> utm;
+  /// Axis of the file's coordinates that points up: x, -x, y, -y, z or -z. LOAM's camera axes have
+  /// y up, a camera's of KITTI -y. Others than z are turned, and have no place in UTM.
+  std::string up = "z";
   /// As in `MapBuildOptions`, in [0.02, 2].
   double voxel_size_m = 0.1;
   /// In [0, 256], 0 = all cores.
@@ -42,9 +45,9 @@ struct MapImportResult {
   std::string digest;
 };
 
-/// A point cloud map from elsewhere (PCD, PLY or LAS, [m], z up) -> a package, in the coordinates
-/// of the file. Where these are UTM, by the file's word or the options', they are taken to a local
-/// frame (east-north-up), since a map in UTM is bent and scaled.
+/// A point cloud map from elsewhere (PCD, PLY or LAS, [m]) -> a package, in the coordinates of the
+/// file, turned where its z is not up. Where these are UTM, by the file's word or the options',
+/// they are taken to a local frame (east-north-up), since a map in UTM is bent and scaled.
 ///
 /// All points count as measured; those on the ground, where that is found, are marked so. The
 /// package has no trajectory: a scan without a prior is looked for at `places`, on a 4 m grid of

@@ -50,6 +50,8 @@ class Drive {
     DriveLayout layout = DriveLayout::kScanFolder;
     std::filesystem::path root;
     std::vector<std::filesystem::path> scan_files;
+    /// Of *.bin, as `ScanFileHints::bin_columns`.
+    std::string bin_columns = "xyzi";
     /// For scans that share a file with others, as in a bag; empty when each file is one scan.
     struct Entries {
       /// Their topic in the file.
@@ -101,18 +103,20 @@ class Drive {
 
   /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
   ///
-  /// Bags (MCAP, rosbag2, ROS 1). The scans are the messages of the one topic of PointCloud2, with
-  /// the stamps of their headers. Poses come from the one topic of Odometry, or of PoseStamped with
-  /// at least one pose for 40 scans; tf_static moves them to the frame of the clouds. Without such
-  /// a topic they come from tf: from the highest frame called map, odom or world, else from one
-  /// called earth. If tf only repeats the topic, the topic is used. Poses are interpolated to the
-  /// scans. Scans at the ends without a pose are left out and noted.
+  /// Bags (MCAP, rosbag2, ROS 1). The scans are the messages of the one topic of PointCloud2 or of
+  /// Livox' CustomMsg, with the stamps of their headers. Poses come from the one topic of Odometry,
+  /// or of PoseStamped with at least one pose for 40 scans; tf_static moves them to the frame of
+  /// the clouds. Without such a topic they come from tf: from the highest frame called map, odom or
+  /// world, else from one called earth. If tf only repeats the topic, the topic is used. Poses are
+  /// interpolated to the scans. Scans at the ends without a pose are left out and noted.
   ///
   /// If a bag leaves more than one choice, it is made in `topics.txt` of the bag's folder, or
   /// behind the path: `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of
-  /// the four. `poses` may be a topic of tf, or `none`. `pose_frame` is the frame of the poses, if
-  /// the messages do not name it or name a wrong one. `gnss` is a topic of NavSatFix; it turns the
-  /// poses to east-north-up.
+  /// them. `stamps=recorded` takes the times at which the recorder wrote the clouds, where the
+  /// stamps of their headers are wrong. `poses` may be a topic of tf, or `none`. `pose_frame` is
+  /// the frame of the poses, if the messages do not name it or name a wrong one. `gnss` is a topic
+  /// of NavSatFix; it turns the poses to east-north-up. Folders of *.bin whose points are not x y z
+  /// intensity: `FOLDER?columns=xyzir`, a letter for each float32 (`ScanFileHints::bin_columns`).
   /// @param poses_file  poses `T_map_lidar` instead of the layout's own. KITTI: 12 numbers, one
   /// line
   ///                    for each scan. TUM: 8 numbers, interpolated to the scans' stamps; scans

@@ -35,10 +35,13 @@ struct DropCounts {
   std::size_t non_finite = 0;
   /// Closer than the sensor can see, i.e. exactly zero range: the mark of "no return".
   std::size_t zero_range = 0;
+  /// Marked by the sensor itself as dust, rain, glare or a late echo.
+  std::size_t unsure = 0;
 
   DropCounts& operator+=(const DropCounts& other) {
     non_finite += other.non_finite;
     zero_range += other.zero_range;
+    unsure += other.unsure;
     return *this;
   }
 };
@@ -54,6 +57,8 @@ struct Scan {
   DropCounts dropped;
   /// Points in the file, kept or dropped.
   std::size_t points_in_file = 0;
+  /// As `DecodedScan::times_note`.
+  std::string times_note;
 };
 
 }  // namespace stillmap::maps
