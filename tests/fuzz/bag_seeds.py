@@ -50,6 +50,23 @@ def cloud(tenths, order="<", ros1=False, frame="lidar"):
     return message.put("B", 1).bytes
 
 
+def livox(tenths, ros1=False):
+    message = Message(ros1=ros1).header(tenths, "livox").put("Q", (START_S * 10 + tenths) * 10**8).put("I", 3)
+    message.put("B", 1, 0, 0, 0).put("I", 3)
+    for i in range(3):
+        message.put("I", 1000 * i).put("f", i, 1.5, -2).put("B", 9, 16 * i, i)
+    return message.bytes
+
+
+def velodyne(tenths, factory, flags=(0xeeff,)):
+    message = Message(ros1=True).header(tenths, "velodyne").put("I", 1, START_S, tenths * 10**8)
+    for block in range(12):
+        message.put("H", flags[block % len(flags)], 40 * block)
+        for laser in range(32):
+            message.put("H", 500 * laser).put("B", laser)
+    return message.put("I", 0).put("B", 0x37, factory).bytes
+
+
 def pose(tenths, odometry=True, order="<", x_m=None):
     message = Message(order).header(tenths, "odom")
     if odometry:
@@ -187,6 +204,10 @@ def make_all(put):
     put("ros_message", "pose", b"\4" + pose(0, False, ">"))
     put("ros_message", "tf", b"\6" + tf(0, "map", "base_link"))
     put("ros_message", "fix", b"\10" + fix(0))
+    put("ros_message", "livox", b"\12" + livox(0))
+    put("ros_message", "livox_ros1", b"\13" + livox(0, ros1=True))
+    put("ros_message", "velodyne_ros1", b"\15" + velodyne(0, 0x22))
+    put("ros_message", "velodyne_two_banks_ros1", b"\15" + velodyne(0, 0x56, (0xeeff, 0xddff)))
     put("ros_message", "tf_ros1", b"\7" + tf(0, "/map", "/base_link", True))
     for compression in (None, "lz4", "zstd"):
         put("mcap", f"indexed_{compression}", mcap(MESSAGES, compression))

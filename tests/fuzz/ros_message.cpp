@@ -1,11 +1,13 @@
-// Messages of bags in CDR and ROS 1: clouds, poses, tf, fixes of GNSS. The first byte says which of
-// them, and how they are written.
+// Messages of bags in CDR and ROS 1: clouds of all kinds, poses, tf, fixes of GNSS. The first byte
+// says which of them, and how they are written.
 #include "scan_rules.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
 
+#include "bags/livox_cloud.hpp"
 #include "bags/point_cloud2.hpp"
+#include "bags/velodyne_scan.hpp"
 
 namespace {
 
@@ -28,20 +30,29 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       data[0] % 2 == 0 ? maps::Serialization::kCdr : maps::Serialization::kRos1;
   const auto reader = [&] { return maps::MessageReader(bytes, serialization, "fuzz"); };
   const int kind = data[0] / 2;
-  switch (kind % 8 == 4 ? 4 : kind % 4) {
-    case 0: {
-      const auto scan = fuzz::taken<maps::InputError>([&] {
-        maps::MessageReader message = reader();
-        return maps::decode_point_cloud2(message, kMostPoints);
-      });
-      if (scan) fuzz::require_decoded(*scan, kMostPoints);
-      return 0;
+  const auto decode = [&](const auto& decoded) {
+    const auto scan = fuzz::taken<maps::InputError>([&] {
+      maps::MessageReader message = reader();
+      return decoded(message);
+    });
+    if (scan) fuzz::require_decoded(*scan, kMostPoints);
+    return 0;
+  };
+  switch (kind % 8) {
+    case 0:
+      return decode([](auto& message) { return maps::decode_point_cloud2(message, kMostPoints); });
+    case 5:
+      return decode([](auto& message) { return maps::decode_livox_cloud(message, kMostPoints); });
+    case 6: {
+      std::vector<maps::VelodyneLaser> lasers(size % 2 == 0 ? 128 : 0);
+      for (maps::VelodyneLaser& laser : lasers) laser = {0.1, 0.1, 1.0, 1.0, 1.0, true, 0.1, 0.1};
+      return decode([&](auto& message) { return maps::decode_velodyne_scan(message, lasers); });
     }
     case 1:
     case 2: {
       const auto pose = fuzz::taken<maps::InputError>([&] {
         maps::MessageReader message = reader();
-        return maps::read_pose(message, kind % 4 == 1 ? maps::kNavOdometry : maps::kPoseStamped);
+        return maps::read_pose(message, kind % 8 == 1 ? maps::kNavOdometry : maps::kPoseStamped);
       });
       if (pose) require_rigid(*pose);
       return 0;

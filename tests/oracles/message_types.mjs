@@ -31,6 +31,14 @@ export const DEFINITIONS = {
     'std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\nfloat64 altitude\n' +
     'float64[9] position_covariance\nuint8 position_covariance_type' +
     `${LINE}MSG: sensor_msgs/NavSatStatus\nint8 status\nuint16 service${HEADER}${TIME}`,
+  'livox_ros_driver2/msg/CustomMsg':
+    'std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\n' +
+    'livox_ros_driver2/CustomPoint[] points' +
+    `${LINE}MSG: livox_ros_driver2/CustomPoint\nuint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\n` +
+    `uint8 reflectivity\nuint8 tag\nuint8 line${HEADER}${TIME}`,
+  'velodyne_msgs/msg/VelodyneScan':
+    'std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets' +
+    `${LINE}MSG: velodyne_msgs/VelodynePacket\nbuiltin_interfaces/Time stamp\nuint8[1206] data${HEADER}${TIME}`,
   'sensor_msgs/msg/Imu':
     'std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n' +
     'geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n' +

@@ -10,13 +10,15 @@ namespace stillmap::maps {
 namespace {
 
 constexpr std::string_view kExpected =
-    "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME, gnss=TOPIC or stamps=recorded";
+    "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME, gnss=TOPIC, stamps=recorded or "
+    "calibration=FILE";
 
 std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
   if (word == "cloud") return &choice.cloud;
   if (word == "poses") return &choice.poses;
   if (word == "gnss") return &choice.gnss;
   if (word == "stamps") return &choice.stamps;
+  if (word == "calibration") return &choice.calibration;
   return word == "pose_frame" ? &choice.pose_frame : nullptr;
 }
 
@@ -52,6 +54,7 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
   if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
   if (!choice.gnss) choice.gnss = own.gnss;
   if (!choice.stamps) choice.stamps = own.stamps;
+  if (!choice.calibration) choice.calibration = own.calibration;
   return choice;
 }
 

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 
-#include "bags/livox_cloud.hpp"
+#include "bags/cloud_messages.hpp"
 #include "bags/ros_messages.hpp"
 
 namespace stillmap::maps {
@@ -21,7 +21,7 @@ constexpr std::size_t kMostFramesNamed = 8;
 constexpr std::size_t kMostClouds = 500'000;
 
 std::size_t head_bytes_of(const std::string& type) {
-  if (is_cloud_type(type)) return kHeaderBytes;
+  if (cloud_type(type) != nullptr) return kHeaderBytes;
   if (type == kTfMessage) return kMostTfBytes;
   return is_pose_type(type) ? kHeaderBytes + 4 + 1025 : 0;
 }
@@ -71,7 +71,7 @@ class Surveyor {
       if (head_bytes_of(topic.type) == 0) return;
       MessageReader reader(message.head, topic.serialization, topic.name);
       if (topic.type == kTfMessage) return take_tf(reader, topic.name, bag);
-      if (!is_cloud_type(topic.type)) return take_pose(reader, topic.type, known);
+      if (cloud_type(topic.type) == nullptr) return take_pose(reader, topic.type, known);
       const RosHeader header = read_header(reader);
       if (++clouds_ > kMostClouds) return;
       known.clouds.push_back(
@@ -111,7 +111,6 @@ class Surveyor {
 
 }  // namespace
 
-bool is_cloud_type(const std::string& type) { return type == kPointCloud2 || is_livox_type(type); }
 bool is_pose_type(const std::string& type) { return type == kNavOdometry || type == kPoseStamped; }
 bool is_static_tf(const std::string& topic) { return topic.ends_with("tf_static"); }
 

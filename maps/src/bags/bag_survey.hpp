@@ -60,7 +60,6 @@ struct BagSurvey {
 /// @throws InputError for one topic of two types, where one of them is read; StorageError.
 [[nodiscard]] BagSurvey survey(const Bags& bags);
 
-[[nodiscard]] bool is_cloud_type(const std::string& type);
 [[nodiscard]] bool is_pose_type(const std::string& type);
 [[nodiscard]] bool is_static_tf(const std::string& topic);
 

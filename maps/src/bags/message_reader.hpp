@@ -38,6 +38,8 @@ class MessageReader {
   std::string text(std::size_t most = 1024);
   /// A sequence of bytes.
   std::span<const std::byte> bytes();
+  /// An array of so many bytes, without a length.
+  std::span<const std::byte> array(std::size_t size) { return take(size); }
   /// Length of a sequence whose elements take at least so many bytes each.
   std::size_t count(std::size_t least_bytes_each);
   [[nodiscard]] bool is_ros1() const { return ros1_; }

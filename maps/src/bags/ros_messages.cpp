@@ -34,13 +34,16 @@ std::optional<Eigen::Isometry3d> read_rigid(MessageReader& reader) {
 
 }  // namespace
 
+std::int64_t read_time(MessageReader& reader) {
+  const std::int64_t seconds = reader.is_ros1() ? std::int64_t{reader.number<std::uint32_t>()}
+                                                : std::int64_t{reader.number<std::int32_t>()};
+  return seconds * kRosSecondNs + reader.number<std::uint32_t>();
+}
+
 RosHeader read_header(MessageReader& reader) {
   if (reader.is_ros1()) (void)reader.number<std::uint32_t>();  // seq
   RosHeader header;
-  // ROS 1 counts seconds without a sign.
-  const std::int64_t seconds = reader.is_ros1() ? std::int64_t{reader.number<std::uint32_t>()}
-                                                : std::int64_t{reader.number<std::int32_t>()};
-  header.stamp_ns = seconds * kRosSecondNs + reader.number<std::uint32_t>();
+  header.stamp_ns = read_time(reader);
   header.frame_id = frame(reader.text());
   return header;
 }

@@ -26,6 +26,8 @@ struct RosHeader {
   /// Without the slash that ROS 1 put before it.
   std::string frame_id;
 };
+/// Seconds and nanoseconds -> [ns]. ROS 1 counts seconds without a sign.
+[[nodiscard]] std::int64_t read_time(MessageReader& reader);
 [[nodiscard]] RosHeader read_header(MessageReader& reader);
 
 /// A transform of one instant between two frames.

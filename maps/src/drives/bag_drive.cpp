@@ -15,8 +15,7 @@
 #include "bags/bag_gnss.hpp"
 #include "bags/bag_poses.hpp"
 #include "bags/bag_survey.hpp"
-#include "bags/livox_cloud.hpp"
-#include "bags/point_cloud2.hpp"
+#include "bags/cloud_messages.hpp"
 #include "bags/unpacked_bag.hpp"
 #include "drives/bag_files.hpp"
 #include "drives/layout.hpp"
@@ -31,18 +30,18 @@ namespace fs = std::filesystem;
 struct BagScans {
   Bags bags;
   std::string topic;
-  bool is_livox = false;
+  const CloudType* type = nullptr;
+  /// Of the calibration that was chosen; empty without.
+  std::vector<VelodyneLaser> lasers;
   std::vector<CloudEntry> clouds;
 
   [[nodiscard]] DecodedScan read(std::size_t number) const {
-    return read_by(number, [this](MessageReader& reader) {
-      return is_livox ? decode_livox_cloud(reader) : decode_point_cloud2(reader);
-    });
+    return read_by(number, [this](MessageReader& reader) { return type->decode(reader, lasers); });
   }
   /// Empty where the first cloud cannot be read.
   [[nodiscard]] std::vector<std::string> fields() const {
     try {
-      return read_by(0, is_livox ? fields_of_livox_cloud : fields_of_point_cloud2);
+      return read_by(0, type->fields);
     } catch (const InputError&) {
       return {};
     }
@@ -103,7 +102,7 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
   std::string text = choice.cloud ? "no clouds on " + *choice.cloud : "no clouds";
   text += "; topics are " + listed(survey, false);
   for (const auto& [topic, known] : survey.topics)
-    if (is_cloud_type(known.type) && known.unreadable > 0)
+    if (cloud_type(known.type) != nullptr && known.unreadable > 0)
       text += "; " + unreadable_text(topic, known);
   if (survey.damage.parts > 0) text += "; not readable " + survey.damage.first;
   throw InputError(
@@ -218,6 +217,13 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
       set_position_step(contents, factor.moving);
 }
 
+/// A path in `topics.txt` may start from the bag's folder.
+fs::path calibration_file(const BagChoice& choice, const fs::path& root) {
+  const fs::path beside = fs::is_directory(root) ? root : root.parent_path();
+  const fs::path given = *choice.calibration;
+  return given.is_relative() && fs::exists(beside / given) ? beside / given : given;
+}
+
 DriveLayout layout_of(BagFormat format) {
   switch (format) {
     case BagFormat::kMcap:
@@ -248,7 +254,8 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   scans->topic = cloud_topic(found, choice, name);
   TopicSurvey& clouds = found.topics.at(scans->topic);
   scans->clouds = std::move(clouds.clouds);
-  scans->is_livox = is_livox_type(clouds.type);
+  scans->type = cloud_type(clouds.type);
+  if (choice.calibration) scans->lasers = read_velodyne_calibration(calibration_file(choice, root));
   if (clouds.frames.size() != 1)
     throw InputError(name,
                      fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],

@@ -461,6 +461,46 @@ TEST_F(Localize, ZerosInJsonAreNoReturnAsInAllFormats) {
   EXPECT_EQ(aligner_->last_scan.size(), good_json()["points"].size());
 }
 
+TEST_F(Localize, PointsThatAreNotFiniteAreNoReturnAsInFiles) {
+  HttpRequest request = good_request();
+  request.body = raw_scan(60);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float inf = std::numeric_limits<float>::infinity();
+  std::memcpy(request.body.data() + 16, &nan, sizeof(nan));
+  std::memcpy(request.body.data() + 40, &inf, sizeof(inf));
+  EXPECT_EQ(ask(request)["status"], "ok");
+  EXPECT_EQ(aligner_->last_scan.size(), 58U);
+}
+
+TEST_F(Localize, RowsOfZerosInAPriorsCovarianceAreNotTold) {
+  json content = good_json();
+  std::vector<double> values(36, 0.0);
+  values[0] = values[7] = 0.25;  // x and y of a planar localizer
+  values[35] = 0.0625;
+  values[1] = 0.1;
+  values[6] = 0.1 + 1e-8;  // a 32-bit float between
+  content["prior"]["covariance"] = values;
+  (void)ask(json_request(content));
+  ASSERT_TRUE(aligner_->last_prior.covariance);
+  const Eigen::Matrix<double, 6, 6>& covariance = *aligner_->last_prior.covariance;
+  EXPECT_EQ(covariance, covariance.transpose());
+  EXPECT_DOUBLE_EQ(covariance(0, 0), 0.25);
+  EXPECT_NEAR(covariance(0, 1), 0.1, 1e-8);
+  EXPECT_DOUBLE_EQ(covariance(2, 2), 4.0);
+  EXPECT_NEAR(std::sqrt(covariance(3, 3)), 0.4 / 3.0, 1e-12);
+  EXPECT_DOUBLE_EQ(covariance(5, 5), 0.0625);
+  // A variance of zero beside numbers is an error, and named.
+  values[14] = 0.0;
+  values[2] = values[12] = 0.1;
+  content["prior"]["covariance"] = values;
+  EXPECT_THAT(ask(json_request(content), 422)["detail"].get<std::string>(),
+              HasSubstr("the variance of tz (row 2) is 0"));
+  values[12] = 0.0;
+  content["prior"]["covariance"] = values;
+  EXPECT_THAT(ask(json_request(content), 422)["detail"].get<std::string>(),
+              HasSubstr("not symmetric: row 2, column 0 is 0, the other way 0.1"));
+}
+
 TEST_F(Localize, HostileJsonIsRefused) {
   HttpRequest request = json_request(good_json());
   for (const std::string& text :
@@ -482,11 +522,9 @@ TEST_F(Localize, BadScansAreRefused) {
   request.body.clear();
   EXPECT_EQ(ask(request, 422)["code"], "TooFewPoints");
   request.body = raw_scan(60);
-  for (const float bad :
-       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 1e9F}) {
-    std::memcpy(request.body.data() + 16, &bad, sizeof(bad));
-    EXPECT_EQ(ask(request, 422)["code"], "InvalidPoints") << bad;
-  }
+  const float far = 1e9F;
+  std::memcpy(request.body.data() + 16, &far, sizeof(far));
+  EXPECT_EQ(ask(request, 422)["code"], "InvalidPoints");
   request.headers["content-type"] = "application/vnd.pcd";
   EXPECT_EQ(ask(request, 400)["code"], "InvalidScan");
 }
