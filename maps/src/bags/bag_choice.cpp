@@ -1,6 +1,7 @@
 #include "bags/bag_choice.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 
 #include <algorithm>
 
@@ -47,6 +48,10 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
   if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
   if (!choice.gnss) choice.gnss = own.gnss;
   return choice;
+}
+
+void check_recording_choice(std::string_view words, const std::string& source) {
+  static_cast<void>(parse_bag_choice(words, source));
 }
 
 }  // namespace stillmap::maps

@@ -22,6 +22,7 @@ namespace archive_test {
 namespace fs = std::filesystem;
 using namespace ::stillmap::test;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::Pair;
 
 std::string bytes_of(const fs::path& file) {
@@ -205,8 +206,9 @@ TEST_F(DriveArchiveTest, FindsTheDriveInItsFolder) {
       tar_file("a/velodyne/000000.bin", scan()) + tar_file("a/velodyne/000001.bin", scan());
   const ExtractedDrive inside = drive(scans + tar_file("a/times.txt", "0\n0.1\n") + tar_end());
   EXPECT_EQ(inside.root, target_ / "a");
-  EXPECT_EQ(inside.layout, maps::DriveLayout::kKittiOdometry);
-  EXPECT_EQ(inside.scans, 2U);
+  ASSERT_TRUE(inside.opened.drive);
+  EXPECT_EQ(inside.opened.drive->contents().layout, maps::DriveLayout::kKittiOdometry);
+  EXPECT_EQ(inside.opened.drive->size(), 2U);
   fs::remove_all(target_);
   EXPECT_EQ(drive(tar_file("0.bin", scan()) + tar_end()).root, target_);
 }
@@ -221,12 +223,16 @@ TEST_F(DriveArchiveTest, FindsABagAndWhatIsChosenOfIt) {
   const ExtractedDrive found =
       drive(file + tar_file("run/topics.txt", "cloud=/cloud2\n") + tar_end());
   EXPECT_EQ(found.root, target_ / "run");
-  EXPECT_EQ(found.layout, maps::DriveLayout::kMcap);
-  EXPECT_EQ(found.scans, 1U);
+  ASSERT_TRUE(found.opened.drive);
+  EXPECT_EQ(found.opened.drive->contents().layout, maps::DriveLayout::kMcap);
+  EXPECT_EQ(found.opened.drive->size(), 1U);
   fs::remove_all(target_);
-  EXPECT_THAT([&] { drive(file + tar_end()); },
-              ThrowsSaying<maps::InputError>(
-                  {"/cloud1 (1 clouds in 'lidar'), /cloud2 (1 clouds in 'lidar')"}));
+  const ExtractedDrive undecided = drive(file + tar_end());
+  EXPECT_FALSE(undecided.opened.drive);
+  ASSERT_TRUE(undecided.opened.needs_choice);
+  EXPECT_THAT(undecided.opened.needs_choice->what(),
+              HasSubstr("/cloud1 (1 clouds in 'lidar'), /cloud2 (1 clouds in 'lidar')"));
+  EXPECT_EQ(open_drive_folder(undecided.root, "cloud=/cloud1", calls_).drive->size(), 1U);
 }
 
 TEST_F(DriveArchiveTest, RefusesWhatIsNoDrive) {
