@@ -53,7 +53,7 @@ std::size_t whole_drive(std::string_view text, std::string_view& number) {
        {std::string(".incoming-drive"), fmt::format("drive-{}", number)}) {
     const std::size_t begin = kDrives.size() + digits;
     const std::size_t end = begin + folder.size();
-    if (text.substr(begin).starts_with(folder) && (end == text.size() || text[end] != '/'))
+    if (text.substr(begin).starts_with(folder) && text.find_first_of("/0123456789", end) != end)
       return end;
   }
   return 0;

@@ -11,7 +11,6 @@
 
 #include "support/bag_bytes.hpp"
 #include "support/disk_calls.hpp"
-#include "support/message_bytes.hpp"
 #include "support/tar_bytes.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -214,12 +213,7 @@ TEST_F(DriveArchiveTest, FindsTheDriveInItsFolder) {
 }
 
 TEST_F(DriveArchiveTest, FindsABagAndWhatIsChosenOfIt) {
-  test::McapBytes bag;
-  bag.add(test::McapBytes::schema(1, "sensor_msgs/msg/PointCloud2"));
-  for (const std::uint16_t id : {std::uint16_t{1}, std::uint16_t{2}})
-    bag.add(test::McapBytes::channel(id, 1, "/cloud" + std::to_string(id)) +
-            test::McapBytes::message(id, test::one_point(id, 1.0F)));
-  const std::string file = tar_file("run/run_0.mcap", bag.finished());
+  const std::string file = tar_file("run/run_0.mcap", test::bag_of_two_clouds());
   const ExtractedDrive found =
       drive(file + tar_file("run/topics.txt", "cloud=/cloud2\n") + tar_end());
   EXPECT_EQ(found.root, target_ / "run");

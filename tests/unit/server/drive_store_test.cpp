@@ -15,7 +15,6 @@
 
 #include "support/bag_bytes.hpp"
 #include "support/disk_calls.hpp"
-#include "support/message_bytes.hpp"
 #include "support/store_refusals.hpp"
 #include "support/tar_bytes.hpp"
 #include "support/temporary_folder.hpp"
@@ -141,14 +140,7 @@ TEST_F(DriveStoreTest, FailsForGoodWhenThePartsAreNoDrive) {
 }
 
 /// A bag of two lidars.
-std::string two_clouds() {
-  test::McapBytes bag;
-  bag.add(test::McapBytes::schema(1, "sensor_msgs/msg/PointCloud2"));
-  for (const std::uint16_t id : {std::uint16_t{1}, std::uint16_t{2}})
-    bag.add(test::McapBytes::channel(id, 1, "/cloud" + std::to_string(id)) +
-            test::McapBytes::message(id, test::one_point(id, 1.0F)));
-  return tar_file("run.mcap", bag.finished()) + tar_end();
-}
+std::string two_clouds() { return tar_file("run.mcap", test::bag_of_two_clouds()) + tar_end(); }
 
 /// What was opened, as an inspection.
 std::string kind_of(const OpenedDrive& opened) { return opened.drive ? "drive" : "recording"; }

@@ -4,7 +4,6 @@
 #include "http/content_digest.hpp"
 #include "service_fixture.hpp"
 #include "support/bag_bytes.hpp"
-#include "support/message_bytes.hpp"
 #include "support/tar_bytes.hpp"
 
 namespace stillmap::server {
@@ -102,12 +101,7 @@ TEST_F(Drives, WhatIsNoDriveFailsWithoutNamingPlacesOfTheMachine) {
 TEST_F(Drives, RecordingThatNeedsAChoiceIsKeptAndListsWhatCanBeChosen) {
   start();
   const std::string path = open_one();
-  test::McapBytes bag;
-  bag.add(test::McapBytes::schema(1, "sensor_msgs/msg/PointCloud2"));
-  for (const std::uint16_t id : {std::uint16_t{1}, std::uint16_t{2}})
-    bag.add(test::McapBytes::channel(id, 1, "/cloud" + std::to_string(id)) +
-            test::McapBytes::message(id, test::one_point(id, 1.0F)));
-  put(path + "/parts/1", test::tar_file("run.mcap", bag.finished()) + test::tar_end());
+  put(path + "/parts/1", test::tar_file("run.mcap", test::bag_of_two_clouds()) + test::tar_end());
   EXPECT_EQ(body(get(path))["inspection"], nullptr);
   const std::string complete = path + "/complete";
   for (const char* wrong : {R"({"choice": "lidar=/x"})", R"({"choice": ""})", R"({"choice": 1})",
