@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 
 namespace stillmap::server {
 namespace {
@@ -64,13 +65,14 @@ HttpResponse list_drives(const Context& context, const PathParameters& path) {
   return json_response(drive_list_json(drives));
 }
 
-/// A drive in which a scan cannot be read stays one: the build says so, or selects others.
+/// What cannot be inspected, as a drive with a broken scan, is a drive all the same: its build says
+/// so, or selects other scans.
 std::string inspect_drive(const OpenedDrive& opened) {
   if (opened.needs_choice) return listed_inspection_json(*opened.needs_choice);
   try {
     return listed_inspection_json(summarize(*opened.drive));
-  } catch (const maps::InputError& error) {
-    spdlog::warn("a drive that came is not inspected: {}", error.what());
+  } catch (const std::exception& error) {
+    spdlog::warn("an uploaded drive could not be inspected: {}", error.what());
     return {};
   }
 }

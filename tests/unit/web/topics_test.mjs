@@ -3,8 +3,8 @@ import { createRequire } from 'node:module';
 import { test } from 'node:test';
 
 const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
-const { choiceOf, topicsOf, undecided } = await unit('upload/topics');
-const { chosenFile } = await unit('upload/chosen');
+const { choiceOf, undecided } = await unit('upload/topics');
+const { chosenFile, topicsOf } = await unit('upload/chosen');
 const { McapWriter } = createRequire(new URL('../../../web/package.json', import.meta.url))('@mcap/core');
 
 const kCloud = 'sensor_msgs/msg/PointCloud2';

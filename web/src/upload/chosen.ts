@@ -2,7 +2,7 @@
 
 import { kRecording, lookAt, lookAtFolder, type Look } from './kind.js';
 import { tarOf, type TarEntry } from './tar.js';
-import { topicsOf, type Topic } from './topics.js';
+import type { Topic } from './topics.js';
 
 export interface Chosen {
   /** Of the file or folder. */
@@ -32,6 +32,16 @@ async function chosenFolder(name: string, files: readonly TarEntry[]): Promise<C
   const recordings = wanted.filter(({ path }) => kIndexed.test(path));
   const topics = recordings.length === 0 ? undefined : await topicsOf(recordings.map(({ file }) => file));
   return { name, look, content: tarOf(wanted), changedMs, files: wanted.length, topics };
+}
+
+/** Undefined if a file has no index: then the server tells the topics after the upload, or what is broken. */
+export async function topicsOf(recordings: readonly Blob[]): Promise<Topic[] | undefined> {
+  try {
+    const { readTopics } = await import('./recording.js');
+    return await readTopics(recordings);
+  } catch {
+    return undefined;
+  }
 }
 
 /** Recordings whose topics can be read here. */

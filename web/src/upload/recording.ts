@@ -14,8 +14,16 @@ const kWords: Record<string, Word> = {
 /** Larger indexes are of files with millions of chunks; the server reads them. */
 const kMostIndexBytes = 64 << 20;
 
-/** @throws Error for another kind of file, or one without an index. */
-export async function readTopics(file: Blob): Promise<Topic[]> {
+/** The topics of a recording; those of its parts are added up. @throws Error for another kind of file, or one without an index. */
+export async function readTopics(files: readonly Blob[]): Promise<Topic[]> {
+  const all = new Map<string, Topic>();
+  for (const topic of (await Promise.all(files.map(topicsOfFile))).flat()) {
+    all.set(topic.choice, { ...topic, messages: topic.messages + (all.get(topic.choice)?.messages ?? 0) });
+  }
+  return [...all.values()].sort((a, b) => (a.topic < b.topic ? -1 : 1));
+}
+
+async function topicsOfFile(file: Blob): Promise<Topic[]> {
   const magic = new TextDecoder('latin1').decode(await file.slice(0, 5).arrayBuffer());
   const topics = magic === '#ROSB' ? await topicsOfRosbag(file) : await topicsOfMcap(file);
   return topics.filter(({ topic, messages, type }) =>

@@ -32,23 +32,3 @@ export function undecided(topics: readonly Topic[], selected: Selected): Word[] 
   if (poses.length > 1 && choiceOf({ poses: selected.poses ?? '' }) === '') words.push('poses');
   return words;
 }
-
-/**
- * The topics of recordings on the person's disk, by the index at their ends; those of the parts of one are added up.
- *
- * @return undefined if a file has no such index: then the server tells the topics after the upload.
- */
-export async function topicsOf(files: readonly Blob[]): Promise<Topic[] | undefined> {
-  try {
-    const { readTopics } = await import('./recording.js');
-    const all = new Map<string, Topic>();
-    for (const topic of (await Promise.all(files.map(readTopics))).flat()) {
-      const known = all.get(topic.choice);
-      all.set(topic.choice, { ...topic, messages: topic.messages + (known?.messages ?? 0) });
-    }
-    return [...all.values()].sort((a, b) => (a.topic < b.topic ? -1 : 1));
-  } catch {
-    // The server reads what has no index, and says what is broken.
-    return undefined;
-  }
-}
