@@ -1,6 +1,5 @@
 // Reads the index at the end of MCAP files and bags of ROS 1. Loaded when the first of them is chosen.
 
-import { Bag } from '@foxglove/rosbag';
 import { McapIndexedReader } from '@mcap/core';
 import type { Topic, Word } from './topics.js';
 
@@ -45,15 +44,62 @@ async function topicsOfMcap(file: Blob): Promise<Topic[]> {
     topicOf(topic, ros2Type(schemasById.get(schemaId)?.name ?? ''), Number(statistics.channelMessageCounts.get(id) ?? 0n)));
 }
 
+/** By wiki.ros.org/Bags/Format/2.0. `@foxglove/rosbag` makes code from texts, which the page's policy refuses. */
 async function topicsOfRosbag(file: Blob): Promise<Topic[]> {
-  const bag = new Bag({ size: () => file.size, read: (offset, length) => bytesOf(file, offset, length) });
-  await bag.open();
-  const counts = new Map<number, number>();
-  for (const { conn, count } of bag.chunkInfos.flatMap(({ connections }) => connections)) {
-    counts.set(conn, (counts.get(conn) ?? 0) + count);
+  const [head] = recordsOf(await bytesOf(file, kRosbagMagic, 4096));
+  const index = Number(viewOf(head?.fields['index_pos']).getBigUint64(0, true));
+  if (index === 0) throw new Error('no index');
+  const connections = new Map<number, { topic: string; type: string; messages: number }>();
+  for (const { fields, data } of recordsOf(await bytesOf(file, index, file.size - index))) {
+    const op = viewOf(fields['op']).getUint8(0);
+    if (op === kConnection) {
+      const conn = viewOf(fields['conn']).getUint32(0, true);
+      connections.set(conn, { topic: textOf(fields['topic']), type: textOf(fieldsOf(data)['type']), messages: 0 });
+    } else if (op === kChunkInfo) {
+      for (let at = 0; at < data.length; at += 8) {
+        const found = connections.get(viewOf(data).getUint32(at, true));
+        if (found !== undefined) found.messages += viewOf(data).getUint32(at + 4, true);
+      }
+    }
   }
-  if (counts.size === 0) throw new Error('no index');
-  return [...bag.connections.values()].flatMap(({ conn, topic, type }) => topicOf(topic, ros2Type(type ?? ''), counts.get(conn) ?? 0));
+  return [...connections.values()].flatMap(({ topic, type, messages }) => topicOf(topic, ros2Type(type), messages));
+}
+
+const kRosbagMagic = '#ROSBAG V2.0\n'.length;
+const kChunkInfo = 6;
+const kConnection = 7;
+
+type Fields = Record<string, Uint8Array>;
+
+/** The records that follow each other. @throws RangeError if one is cut off. */
+function* recordsOf(bytes: Uint8Array): Generator<{ fields: Fields; data: Uint8Array }> {
+  for (let at = 0; at < bytes.length;) {
+    const dataAt = at + 4 + viewOf(bytes).getUint32(at, true);
+    const end = dataAt + 4 + viewOf(bytes).getUint32(dataAt, true);
+    yield { fields: fieldsOf(bytes.subarray(at + 4, dataAt)), data: bytes.subarray(dataAt + 4, end) };
+    at = end;
+  }
+}
+
+/** "name=value", each after its length. */
+function fieldsOf(bytes: Uint8Array): Fields {
+  const fields: Fields = {};
+  for (let at = 0; at < bytes.length;) {
+    const end = at + 4 + viewOf(bytes).getUint32(at, true);
+    const field = bytes.subarray(at + 4, end);
+    const sign = field.indexOf(0x3d);
+    fields[textOf(field.subarray(0, sign))] = field.subarray(sign + 1);
+    at = end;
+  }
+  return fields;
+}
+
+function viewOf(bytes: Uint8Array = new Uint8Array()): DataView {
+  return new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+}
+
+function textOf(bytes: Uint8Array | undefined): string {
+  return new TextDecoder().decode(bytes);
 }
 
 async function bytesOf(file: Blob, offset: number, length: number): Promise<Uint8Array> {
