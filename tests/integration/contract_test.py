@@ -16,6 +16,8 @@ import time
 import unittest
 import uuid
 
+from small_bag import write_bag
+
 PROGRAM, STORE, DRIVE, PACKAGE = (pathlib.Path(x).resolve() for x in sys.argv[1:5])
 TYPES = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int, "boolean": bool,
          "null": type(None)}
@@ -271,8 +273,28 @@ class Contract(unittest.TestCase):
         self.ask("GET", "/v1/maps/{map}/drives", 200, map="yard")
         self.ask("POST", one + "/complete", 422, **place)
         self.ask("DELETE", one, 204, **place)
+        self.check_recording()
         self.ask("DELETE", "/v1/maps/{map}", 409, map="yard")
         self.ask("DELETE", "/v1/maps/{map}", 204, query="?active=true", map="yard")
+
+    def check_recording(self):
+        """A bag of two lidars: kept, asked about, chosen."""
+        bag = pathlib.Path(self.temporary.name) / "bag"
+        write_bag(DRIVE, bag, rear=True)
+        tar = subprocess.run(["tar", "cf", "-", "-C", bag, "."], capture_output=True, check=True).stdout
+        place = {"map": "yard", "drive": self.ask("POST", "/v1/maps/{map}/drives", 201, {"name": "two"}, map="yard")["id"]}
+        one = "/v1/maps/{map}/drives/{drive}"
+        self.ask("PUT", one + "/parts/{part}", 201, tar, "", "application/octet-stream", **place, part=1)
+        asked = self.ask("POST", one + "/complete", 202, **place)
+        self.assertEqual([each["choice"] for each in asked["inspection"]["choices"]],
+                         ["cloud=/points", "cloud=/rear", "poses=/odom"])
+        self.ask("GET", "/v1/maps/{map}/drives", 200, map="yard")
+        self.ask("POST", one + "/complete", 400, {"choice": "lidar=/points"}, **place)
+        self.ask("POST", one + "/complete", 202, {"choice": "cloud=/left"}, **place)
+        done = self.ask("POST", one + "/complete", 200, {"choice": "cloud=/points&poses=/odom"}, **place)
+        self.assertEqual((done["status"], done["inspection"]["topic"]), ("complete", "/points"))
+        self.ask("POST", one + "/complete", 409, {"choice": "cloud=/rear"}, **place)
+        self.ask("DELETE", one, 204, **place)
 
     def test_z_a_wrong_answer_is_found(self):
         status = {"$ref": "#/components/schemas/Health"}

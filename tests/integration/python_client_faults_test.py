@@ -24,7 +24,7 @@ import unittest.mock
 PACKAGE = pathlib.Path(sys.argv[1]).resolve()
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "server/clients/python/src"))
 
-from stillmap_client import Client, ConnectionLost, Problem, SessionStream, StillmapError  # noqa: E402
+from stillmap_client import Client, ConnectionLost, NeedsChoice, Problem, SessionStream, StillmapError  # noqa: E402
 from stillmap_client.archive import Archive  # noqa: E402
 from stillmap_client.scan import encoded  # noqa: E402
 
@@ -240,6 +240,16 @@ class Faults(unittest.TestCase):
             with self.assertRaises(ConnectionLost):
                 client.upload_drive("town", name, drive=7)
             self.assertEqual([each[0] for each in seen[2:]], ["POST", "GET"])
+
+    def test_a_recording_that_needs_a_choice_is_said_with_its_choices(self):
+        with tempfile.TemporaryDirectory() as name:
+            (pathlib.Path(name) / "a").write_bytes(b"y")
+            asks = json.dumps({"status": "needs_choice", "error": "clouds on /a, /b",
+                               "inspection": {"choices": [{"choice": "cloud=/a"}, {"choice": "cloud=/b"}]}}).encode()
+            url, seen = self.serve((200, {}, b'{"parts": []}'), (201, {}, b"{}"), (202, {}, asks))
+            with self.assertRaisesRegex(NeedsChoice, "clouds on /a, /b") as caught:
+                Client(url).upload_drive("town", name, drive=7)
+            self.assertEqual((caught.exception.drive, caught.exception.choices), (7, ["cloud=/a", "cloud=/b"]))
 
     def test_a_version_is_not_sent_again_after_long_silence(self):
         with tempfile.TemporaryDirectory() as name:

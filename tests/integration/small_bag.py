@@ -1,9 +1,14 @@
-"""A drive in KITTI odometry layout as a ROS 2 bag (rosbag2, SQLite), and a scan of it as PCD, by Python's standard library."""
+"""A drive in KITTI odometry layout as a ROS 2 bag (rosbag2, SQLite), and a scan of it as PCD, by Python's standard library.
 
+usage: small_bag.py bag DRIVE FOLDER    a bag with a second topic of clouds in a new folder
+       small_bag.py messages DRIVE      its messages on standard output, for a writer of bags in another language"""
+
+import json
 import math
 import pathlib
 import sqlite3
 import struct
+import sys
 
 CLOUD, ODOMETRY = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
 EPOCH_NS = 1_700_000_000 * 10**9
@@ -74,28 +79,48 @@ def quaternion(m):
     return (m[9] - m[6]) / (4 * w), (m[2] - m[8]) / (4 * w), (m[4] - m[1]) / (4 * w), w
 
 
-def write_bag(drive, folder):
-    """Scans as /points, T_first_lidar of each as /odom."""
-    drive, folder = pathlib.Path(drive), pathlib.Path(folder)
-    folder.mkdir()
+def messages(drive, rear=False):
+    """(topic, stamp [ns], bytes) of a drive: scans as /points, T_first_lidar of each as /odom.
+
+    With `rear` also /rear: of each scan 1,000 points, as if a second lidar had seen them."""
+    drive = pathlib.Path(drive)
     camera_lidar = next([float(x) for x in line.split()[1:]]
                         for line in (drive / "calib.txt").read_text().splitlines() if line.startswith("Tr"))
     poses = [[float(x) for x in line.split()] for line in (drive / "poses.txt").read_text().splitlines()]
     stamps = [EPOCH_NS + round(float(line) * 1e9) for line in (drive / "times.txt").read_text().splitlines()]
+    scans = sorted((drive / "velodyne").glob("*.bin"))
+    for scan, stamp_ns, pose in zip(scans, stamps, poses, strict=True):
+        lidar = product(inverse(camera_lidar), product(pose, camera_lidar))
+        yield "/odom", stamp_ns, odometry(stamp_ns, lidar[3::4], quaternion(lidar))
+        yield "/points", stamp_ns, cloud(stamp_ns, scan.read_bytes())
+        if rear:
+            yield "/rear", stamp_ns, cloud(stamp_ns, scan.read_bytes()[:16_000])
+
+
+def write_bag(drive, folder, rear=False):
+    """A bag of `messages` in a folder that does not exist yet."""
+    folder = pathlib.Path(folder)
+    folder.mkdir()
     bag = sqlite3.connect(folder / "bag.db3")
     bag.executescript(
         "CREATE TABLE topics(id INTEGER PRIMARY KEY,name TEXT NOT NULL,type TEXT NOT NULL,serialization_format TEXT NOT "
         "NULL,offered_qos_profiles TEXT NOT NULL);"
         "CREATE TABLE messages(id INTEGER PRIMARY KEY,topic_id INTEGER NOT NULL,timestamp INTEGER NOT NULL,data BLOB NOT "
         "NULL);")
-    bag.executemany("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')", [(1, "/points", CLOUD), (2, "/odom", ODOMETRY)])
-    scans = sorted((drive / "velodyne").glob("*.bin"))
-    for scan, stamp_ns, pose in zip(scans, stamps, poses, strict=True):
-        lidar = product(inverse(camera_lidar), product(pose, camera_lidar))
-        for topic, data in ((2, odometry(stamp_ns, lidar[3::4], quaternion(lidar))), (1, cloud(stamp_ns, scan.read_bytes()))):
-            bag.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", (topic, stamp_ns, data))
+    topics = {"/points": 1, "/odom": 2, **({"/rear": 3} if rear else {})}
+    bag.executemany("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')",
+                    [(number, name, ODOMETRY if name == "/odom" else CLOUD) for name, number in topics.items()])
+    for topic, stamp_ns, data in messages(drive, rear):
+        bag.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", (topics[topic], stamp_ns, data))
     bag.commit()
     bag.close()
+
+
+def write_messages(drive, out):
+    """For a writer in another language: a line of JSON with topic, type, log_ns and bytes, then so many bytes."""
+    for topic, stamp_ns, data in messages(drive, rear=True):
+        line = {"topic": topic, "type": ODOMETRY if topic == "/odom" else CLOUD, "log_ns": str(stamp_ns), "bytes": len(data)}
+        out.write(json.dumps(line).encode() + b"\n" + data)
 
 
 def write_pcd(scan, file):
@@ -104,3 +129,10 @@ def write_pcd(scan, file):
     head = (f"VERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH {count}\nHEIGHT 1\n"
             f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n")
     pathlib.Path(file).write_bytes(head.encode() + points)
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "messages":
+        write_messages(sys.argv[2], sys.stdout.buffer)
+    else:
+        write_bag(sys.argv[2], sys.argv[3], rear=True)

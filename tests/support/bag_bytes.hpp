@@ -15,6 +15,8 @@
 #include <string_view>
 #include <vector>
 
+#include "support/message_bytes.hpp"
+
 /// Bags, written out by hand so that tests do not depend on a writer of ours.
 namespace stillmap::test {
 
@@ -253,5 +255,15 @@ class SqliteFile {
   sqlite3* connection_ = nullptr;
   int schema_ = 4;
 };
+
+/// A bag of MCAP with one cloud on /cloud1 and one on /cloud2.
+[[nodiscard]] inline std::string bag_of_two_clouds() {
+  McapBytes bag;
+  bag.add(McapBytes::schema(1, "sensor_msgs/msg/PointCloud2"));
+  for (const std::uint16_t id : {std::uint16_t{1}, std::uint16_t{2}})
+    bag.add(McapBytes::channel(id, 1, "/cloud" + std::to_string(id)) +
+            McapBytes::message(id, one_point(id, 1.0F)));
+  return bag.finished();
+}
 
 }  // namespace stillmap::test

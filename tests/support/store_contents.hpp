@@ -70,6 +70,9 @@ inline std::string drive_problem_of(const server::PackageStore& store,
     known += std::filesystem::exists(home) ? 1U : 0U;
     if (drive.status == server::DriveStatus::kComplete && !drive.is_upload())
       (void)maps::Drive::open(drives.folder(drive.id));
+    if (drive.status == server::DriveStatus::kNeedsChoice &&
+        !maps::Drive::is_in(drives.folder(drive.id)))
+      return drive.name + ": the recording is gone";
     if (drive.status != server::DriveStatus::kOpen) continue;
     for (const server::DrivePart& part : store.state().drives().parts(drive.id))
       if (std::filesystem::file_size(home / "parts" / std::to_string(part.n)) != part.bytes)

@@ -1,6 +1,7 @@
 #include "bags/bag_choice.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 
 #include <algorithm>
 
@@ -54,8 +55,18 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
   if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
   if (!choice.gnss) choice.gnss = own.gnss;
   if (!choice.stamps) choice.stamps = own.stamps;
-  if (!choice.calibration) choice.calibration = own.calibration;
+  if (own.calibration && !choice.calibration) {
+    // The folder may be somebody's upload: it names no file of this machine.
+    if (own.calibration->find('/') != std::string::npos || *own.calibration == "..")
+      throw InputError(file.string(), "'calibration=" + own.calibration->substr(0, 100) + "'",
+                       "the name of a file in this folder, without '/'");
+    choice.calibration = (folder / *own.calibration).string();
+  }
   return choice;
+}
+
+void check_recording_choice(std::string_view words, const std::string& source) {
+  static_cast<void>(parse_bag_choice(words, source));
 }
 
 }  // namespace stillmap::maps

@@ -20,7 +20,8 @@ struct BagChoice {
   /// "header", or "recorded": when the recorder got the clouds, instead of their own stamps.
   std::optional<std::string> stamps;
 
-  /// File of a Velodyne's calibration (`read_velodyne_calibration`).
+  /// File of a Velodyne's calibration (`read_velodyne_calibration`); of `topics.txt`, one in its
+  /// folder.
   std::optional<std::string> calibration;
 
   [[nodiscard]] bool takes_recorded_stamps() const { return stamps == "recorded"; }

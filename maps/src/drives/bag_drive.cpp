@@ -2,11 +2,13 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -16,6 +18,7 @@
 #include "bags/bag_poses.hpp"
 #include "bags/bag_survey.hpp"
 #include "bags/cloud_messages.hpp"
+#include "bags/ros_messages.hpp"
 #include "bags/unpacked_bag.hpp"
 #include "drives/bag_files.hpp"
 #include "drives/layout.hpp"
@@ -107,8 +110,8 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
   if (survey.damage.parts > 0) text += "; not readable " + survey.damage.first;
   throw InputError(
       name, text,
-      "messages of sensor_msgs/msg/PointCloud2 or Livox' CustomMsg: choose or record a "
-      "topic of them");
+      "messages of sensor_msgs/msg/PointCloud2, Livox' CustomMsg or VelodyneScan: choose or record "
+      "a topic of them");
 }
 
 void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {
@@ -217,13 +220,6 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
       set_position_step(contents, factor.moving);
 }
 
-/// A path in `topics.txt` may start from the bag's folder.
-fs::path calibration_file(const BagChoice& choice, const fs::path& root) {
-  const fs::path beside = fs::is_directory(root) ? root : root.parent_path();
-  const fs::path given = *choice.calibration;
-  return given.is_relative() && fs::exists(beside / given) ? beside / given : given;
-}
-
 DriveLayout layout_of(BagFormat format) {
   switch (format) {
     case BagFormat::kMcap:
@@ -236,26 +232,45 @@ DriveLayout layout_of(BagFormat format) {
   return DriveLayout::kRosbag1;
 }
 
-}  // namespace
-
-bool is_bag(const fs::path& root) {
-  return fs::is_directory(root) ? holds_bag_files(root)
-                                : bag_format(root).has_value() || is_packed_bag(root);
+/// What can be chosen of a bag. Clouds in two frames on one topic are no choice.
+std::vector<RecordingTopic> topics_to_choose(const BagSurvey& survey) {
+  // Robots have some dozens, with names of some dozen letters.
+  constexpr std::size_t kMostTopics = 200;
+  constexpr std::size_t kLongestName = 1000;
+  std::vector<RecordingTopic> topics;
+  const auto add = [&](const std::string& word, const auto& frame_if_any) {
+    for (const auto& [topic, known] : survey.topics) {
+      const std::optional<std::string> frame = frame_if_any(topic, known);
+      if (frame && topics.size() < kMostTopics && topic.size() + frame->size() <= kLongestName)
+        topics.push_back({word, topic, known.type, known.messages, *frame});
+    }
+  };
+  using Frame = std::optional<std::string>;
+  add("cloud", [](const std::string&, const TopicSurvey& known) {
+    return !known.clouds.empty() && known.frames.size() == 1 ? Frame(known.frames.front())
+                                                             : std::nullopt;
+  });
+  add("poses", [](const std::string& topic, const TopicSurvey& known) {
+    const bool is_tf = known.type == kTfMessage && !is_static_tf(topic);
+    if (known.messages == 0 || (!is_tf && !is_pose_type(known.type))) return Frame();
+    return Frame(known.pose_frames ? known.pose_frames->child : "");
+  });
+  add("gnss", [](const std::string&, const TopicSurvey& known) {
+    return known.type == kNavSatFix ? Frame("") : std::nullopt;
+  });
+  return topics;
 }
 
-Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
-                               const PosesChoice& choice_of_poses) {
+/// @param found  its clouds are taken out of it. @param scans  with its bags alone.
+Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
+                                  const PosesChoice& choice_of_poses, BagSurvey& found,
+                                  const std::shared_ptr<BagScans>& scans) {
   const std::string name = root.string();
-  BagChoice choice = parse_bag_choice(words, name);
-  if (fs::is_directory(root)) choice = with_choice_of_folder(std::move(choice), root);
-  auto scans = std::make_shared<BagScans>();
-  for (const fs::path& file : bag_files(root)) scans->bags.push_back(open_bag(file));
-  BagSurvey found = survey(scans->bags);
   scans->topic = cloud_topic(found, choice, name);
   TopicSurvey& clouds = found.topics.at(scans->topic);
   scans->clouds = std::move(clouds.clouds);
   scans->type = cloud_type(clouds.type);
-  if (choice.calibration) scans->lasers = read_velodyne_calibration(calibration_file(choice, root));
+  if (choice.calibration) scans->lasers = read_velodyne_calibration(*choice.calibration);
   if (clouds.frames.size() != 1)
     throw InputError(name,
                      fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],
@@ -279,6 +294,31 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   leave_out_unordered(contents);
   place_by_gnss(contents, scans->bags, found, choice, name);
   return contents;
+}
+
+}  // namespace
+
+bool is_bag(const fs::path& root) {
+  return fs::is_directory(root) ? holds_bag_files(root)
+                                : bag_format(root).has_value() || is_packed_bag(root);
+}
+
+Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
+                               const PosesChoice& choice_of_poses) {
+  BagChoice choice = parse_bag_choice(words, root.string());
+  if (fs::is_directory(root)) choice = with_choice_of_folder(std::move(choice), root);
+  auto scans = std::make_shared<BagScans>();
+  for (const fs::path& file : bag_files(root)) scans->bags.push_back(open_bag(file));
+  BagSurvey found = survey(scans->bags);
+  std::vector<RecordingTopic> topics = topics_to_choose(found);
+  const bool has_choice = topics.size() > 1 && topics.front().word == "cloud";
+  try {
+    return open_surveyed_bag(root, choice, choice_of_poses, found, scans);
+  } catch (const InputError& error) {
+    // Poses and GNSS can be left out.
+    if (has_choice) throw ChoiceError(error, std::move(topics));
+    throw;
+  }
 }
 
 }  // namespace stillmap::maps

@@ -1,6 +1,7 @@
 #include "drives/rawlog_drive.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 
 #include <fmt/format.h>
 #include <zlib.h>
@@ -72,6 +73,13 @@ std::string listed(const RawlogSurvey& survey) {
   return text;
 }
 
+std::vector<RecordingTopic> labels_to_choose(const RawlogSurvey& survey) {
+  std::vector<RecordingTopic> topics;
+  for (const auto& [label, scans] : survey.scans_of_label)
+    topics.push_back({"cloud", label, "", scans.size(), ""});
+  return topics;
+}
+
 const std::string& label_of(const RawlogSurvey& survey, const BagChoice& choice,
                             const std::string& name) {
   const auto& labels = survey.scans_of_label;
@@ -83,14 +91,16 @@ const std::string& label_of(const RawlogSurvey& survey, const BagChoice& choice,
   if (choice.cloud) {
     const auto found = labels.find(*choice.cloud);
     if (found == labels.end())
-      throw InputError(name, "clouds of " + listed(survey) + ", none of " + *choice.cloud,
-                       "one of these labels");
+      throw ChoiceError({name, "clouds of " + listed(survey) + ", none of " + *choice.cloud,
+                         "one of these labels"},
+                        labels_to_choose(survey));
     return found->first;
   }
   if (labels.size() > 1)
-    throw InputError(
-        name, "clouds of " + listed(survey),
-        fmt::format("one sensor's, chosen as in '{}?cloud={}'", name, labels.begin()->first));
+    throw ChoiceError(
+        {name, "clouds of " + listed(survey),
+         fmt::format("one sensor's, chosen as in '{}?cloud={}'", name, labels.begin()->first)},
+        labels_to_choose(survey));
   return labels.begin()->first;
 }
 

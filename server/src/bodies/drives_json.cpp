@@ -1,5 +1,7 @@
 #include "bodies/drives_json.hpp"
 
+#include <stillmap/maps/recording_choice.hpp>
+
 #include "json/json_values.hpp"
 #include "json/request_json.hpp"
 
@@ -31,6 +33,8 @@ Json to_json(const StoredDrive& drive) {
   json["bytes"] = drive.bytes;
   json["created_ns"] = std::to_string(drive.created_ns);
   json["finished_ns"] = drive.finished_ns ? Json(std::to_string(*drive.finished_ns)) : Json();
+  if (!drive.is_upload())
+    json["inspection"] = drive.inspection.empty() ? Json() : Json::parse(drive.inspection);
   return json;
 }
 
@@ -60,6 +64,24 @@ std::string read_drive_json(std::string_view text) {
       std::any_of(name.begin(), name.end(), is_control))
     refuse("name", found, "text of at most 200 bytes without control characters");
   return name;
+}
+
+std::string read_choice_json(std::string_view text) {
+  if (text.empty()) return {};
+  const nlohmann::json request = parse_request_json(text, kDriveBounds);
+  require_keys(request, "", {"choice"});
+  if (!request.contains("choice")) return {};
+  const nlohmann::json& found = request["choice"];
+  std::string choice = found.is_string() ? found.get<std::string>() : std::string{};
+  try {
+    if (choice.empty() || std::any_of(choice.begin(), choice.end(), is_control))
+      throw maps::InputError("choice", "no text", "cloud=TOPIC");
+    maps::check_recording_choice(choice, "choice");
+  } catch (const maps::InputError&) {
+    refuse("choice", found,
+           "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME or gnss=TOPIC, joined by &");
+  }
+  return choice;
 }
 
 UploadRequest read_upload_json(std::string_view text) {

@@ -16,6 +16,10 @@ inline constexpr std::size_t kMostDriveJson = 4096;
 /// @return the name, or nothing. @throws ApiError with the path of what is wrong.
 [[nodiscard]] std::string read_drive_json(std::string_view text);
 
+/// Reads `choice?` (`maps::check_recording_choice`); an empty text says nothing.
+/// @return it, or nothing. @throws ApiError with the path of what is wrong.
+[[nodiscard]] std::string read_choice_json(std::string_view text);
+
 /// A version that comes in parts.
 struct UploadRequest {
   std::string version;

@@ -48,6 +48,29 @@ void add_check(const maps::DriveCheck& check, Json& json) {
   json["findings"] = findings_json(check.findings);
 }
 
+Json choices_json(const std::vector<maps::RecordingTopic>& topics) {
+  Json json = Json::array();
+  for (const maps::RecordingTopic& topic : topics)
+    json.push_back({{"choice", topic.word + "=" + topic.name},
+                    {"word", topic.word},
+                    {"topic", topic.name},
+                    {"type", topic.type},
+                    {"messages", topic.messages},
+                    {"frame_id", topic.frame_id}});
+  return json;
+}
+
+std::string listed_json(const DriveSummary& summary, Json choices) {
+  Json json;
+  json["scans"] = summary.scans;
+  json["duration_s"] = summary.duration_s;
+  json["topic"] = summary.topic;
+  json["findings"] = findings_json(summary.check.findings);
+  json["notes"] = summary.notes;
+  json["choices"] = std::move(choices);
+  return to_text(json);
+}
+
 }  // namespace
 
 std::string inspection_json(const CloudFileSummary& summary) {
@@ -137,6 +160,22 @@ std::string inspection_json(const DriveSummary& summary) {
   json["notes"] = summary.notes;
   add_check(summary.check, json);
   return to_text(json, 2);
+}
+
+std::string inspection_json(const maps::ChoiceError& error) {
+  Json json;
+  json["kind"] = "recording";
+  json["needs_choice"] = error.what();
+  json["choices"] = choices_json(error.topics());
+  return to_text(json, 2);
+}
+
+std::string listed_inspection_json(const DriveSummary& summary) {
+  return listed_json(summary, Json::array());
+}
+
+std::string listed_inspection_json(const maps::ChoiceError& error) {
+  return listed_json({}, choices_json(error.topics()));
 }
 
 }  // namespace stillmap::server

@@ -177,6 +177,20 @@ void print_content_digest(const std::filesystem::path& path, const JsonOutput& j
   if (!json.replaces_text()) fmt::print("{}\n", digest);
 }
 
+void print_for_people(const maps::ChoiceError& error, const std::filesystem::path& path) {
+  const std::string place = path.string().substr(0, path.string().rfind('?'));
+  Table table;
+  table.add("recording", place + ", which needs a choice");
+  for (const maps::RecordingTopic& topic : error.topics()) {
+    std::string value = fmt::format("'{}?{}={}'", place, topic.word, topic.name);
+    if (topic.messages > 0) value += fmt::format(", {} messages", grouped(topic.messages));
+    if (!topic.type.empty()) value += " of " + topic.type;
+    if (!topic.frame_id.empty()) value += fmt::format(" in '{}'", topic.frame_id);
+    table.add(topic.word, std::move(value));
+  }
+  table.print();
+}
+
 server::DriveSummary summary_of(const std::filesystem::path& path, bool by_motion) {
   server::DriveSummary summary = server::summarize(maps::Drive::open(path));
   if (!by_motion) return summary;
@@ -196,7 +210,15 @@ void inspect(const std::filesystem::path& path, const JsonOutput& json, bool by_
         fmt::format("--motion is for drives, and {} is none; leave --motion out", path.string()));
   if (server::is_map_package(path))
     return print(server::summarize(*maps::MapPackage::open(path)), json);
-  if (maps::Drive::is_at(path)) return print(summary_of(path, by_motion), json);
+  if (maps::Drive::is_at(path)) {
+    try {
+      return print(summary_of(path, by_motion), json);
+    } catch (const maps::ChoiceError& error) {
+      json.write(server::inspection_json(error));
+      if (!json.replaces_text()) print_for_people(error, path);
+      throw;
+    }
+  }
   const std::string extension = path.extension().string();
   if (extension == ".txt" || extension == ".tum")
     return print(server::summarize_trajectory(path), json);

@@ -1,6 +1,9 @@
 #include "errors/upload_errors.hpp"
 
+#include <fmt/format.h>
+
 #include <array>
+#include <string>
 #include <string_view>
 
 namespace stillmap::server {
@@ -38,13 +41,37 @@ std::size_t inner_place(std::string_view text) {
   return 0;
 }
 
+/// The same of the folder of an unpacked drive itself: "drives/12/drive-12", or where it was
+/// unpacked. @return its bytes; 0 when the text goes on in it, or does not begin with one.
+std::size_t whole_drive(std::string_view text, std::string_view& number) {
+  constexpr std::string_view kDrives = "drives/";
+  if (!text.starts_with(kDrives)) return 0;
+  const std::size_t digits = number_in_front(text.substr(kDrives.size()));
+  if (digits == 0) return 0;
+  number = text.substr(kDrives.size(), digits - 1);
+  for (const std::string& folder :
+       {std::string(".incoming-drive"), fmt::format("drive-{}", number)}) {
+    const std::size_t begin = kDrives.size() + digits;
+    const std::size_t end = begin + folder.size();
+    if (text.substr(begin).starts_with(folder) && text.find_first_of("/0123456789", end) != end)
+      return end;
+  }
+  return 0;
+}
+
 }  // namespace
 
 std::string without_folder(std::string text, const std::filesystem::path& folder) {
   const std::string prefix = folder.string() + "/";
   for (std::size_t at = text.find(prefix); at != std::string::npos; at = text.find(prefix, at)) {
     text.erase(at, prefix.size());
-    text.erase(at, inner_place(std::string_view(text).substr(at)));
+    std::string_view number;
+    const std::string_view rest = std::string_view(text).substr(at);
+    if (const std::size_t whole = whole_drive(rest, number)) {
+      text.replace(at, whole, fmt::format("drive {}", number));
+    } else {
+      text.erase(at, inner_place(rest));
+    }
   }
   return text;
 }

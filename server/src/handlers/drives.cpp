@@ -1,15 +1,18 @@
 #include "bodies/drives_json.hpp"
+#include "bodies/inspection_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 #include "handlers/parts.hpp"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include "store/store_refusal.hpp"
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 
 namespace stillmap::server {
 namespace {
@@ -62,11 +65,31 @@ HttpResponse list_drives(const Context& context, const PathParameters& path) {
   return json_response(drive_list_json(drives));
 }
 
-HttpResponse complete_drive(const Context& context, const PathParameters& path) {
+/// What cannot be inspected, as a drive with a broken scan, is a drive all the same: its build says
+/// so, or selects other scans.
+std::string inspect_drive(const OpenedDrive& opened) {
+  if (opened.needs_choice) return listed_inspection_json(*opened.needs_choice);
+  try {
+    return listed_inspection_json(summarize(*opened.drive));
+  } catch (const std::exception& error) {
+    spdlog::warn("an uploaded drive could not be inspected: {}", error.what());
+    return {};
+  }
+}
+
+HttpResponse complete_drive(const Context& context, const HttpRequest& request,
+                            const PathParameters& path) {
+  require_json_if_any(request);
+  DriveStore::Completion wanted{.limits = drive_limits(context.live.current()->uploads),
+                                .choice = read_choice_json(request.body)};
+  const std::filesystem::path store = context.store.folder();
+  wanted.inspect = [&](const OpenedDrive& opened) {
+    return without_folder(inspect_drive(opened), store);
+  };
   const StoredDrive drive = find_drive(context, path);
-  return with_upload_errors(context.store.folder(), [&] {
-    return answer_drive(
-        context, context.drives.complete(drive.id, drive_limits(context.live.current()->uploads)));
+  return with_upload_errors(store, [&] {
+    const StoredDrive done = context.drives.complete(drive.id, wanted);
+    return answer_drive(context, done, done.status == DriveStatus::kNeedsChoice ? 202 : 200);
   });
 }
 
@@ -90,11 +113,14 @@ void add_drive_byte_routes(std::vector<Route>& routes, const Context& context) {
              Access::kWrite,
              BodyKind::kStreamed,
              static_cast<std::uint64_t>(context.options.uploads.max_drive_bytes)};
-  Route complete{"POST", "/v1/maps/{map}/drives/{drive}/complete",
-                 [&context](const HttpRequest&, const PathParameters& path) {
-                   return complete_drive(context, path);
+  Route complete{"POST",
+                 "/v1/maps/{map}/drives/{drive}/complete",
+                 [&context](const HttpRequest& request, const PathParameters& path) {
+                   return complete_drive(context, request, path);
                  },
-                 Access::kWrite};
+                 Access::kWrite,
+                 BodyKind::kWhole,
+                 kMostDriveJson};
   for (Route* each : {&part, &complete}) {
     each->reserve = reserve;
     routes.push_back(std::move(*each));

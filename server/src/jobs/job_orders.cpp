@@ -88,6 +88,9 @@ void JobOrders::check_drives(const NewJob& job) const {
         std::find_if(drives.begin(), drives.end(), [&](const auto& each) { return each.id == id; });
     if (drive == drives.end())
       throw ApiError(ErrorCode::kUnknownDrive, fmt::format("map {} has no drive {}", job.map, id));
+    if (drive->status == DriveStatus::kNeedsChoice)
+      throw ApiError(ErrorCode::kDriveNotComplete,
+                     fmt::format("drive {} needs a choice of topics: complete it with one", id));
     if (drive->status != DriveStatus::kComplete)
       throw ApiError(ErrorCode::kDriveNotComplete,
                      fmt::format("drive {} is {}", id, name_of(drive->status)));

@@ -127,18 +127,37 @@ ByteSource concatenated(std::vector<fs::path> files) {
   };
 }
 
+OpenedDrive open_drive_folder(const fs::path& root, const std::string& choice, DiskCalls& calls) {
+  if (!choice.empty()) {
+    const DurableFiles disk(calls);
+    const fs::path half = root / ".incoming-topics";
+    if (fs::exists(half)) disk.remove_file(half);
+    DurableFiles::NewFile file = disk.create(half);
+    file.append(choice);
+    file.finish();
+    disk.rename(half, root / kTopicsFile);
+    disk.sync_folder(root);
+  }
+  OpenedDrive opened;
+  try {
+    opened.drive = maps::Drive::open(root);
+  } catch (const maps::ChoiceError& error) {
+    opened.needs_choice = error;
+    return opened;
+  }
+  if (opened.drive->size() == 0)
+    throw maps::InputError(root.string(), "a drive without scans",
+                           "one scan at least: pack the folder that holds the scans");
+  return opened;
+}
+
 ExtractedDrive extract_drive(const IncomingArchive& archive, const fs::path& target,
-                             DiskCalls& calls) {
+                             DiskCalls& calls, const std::string& choice) {
   const DurableFiles disk(calls);
   TargetFolder folder(target, disk);
   const ArchiveFiles found = unpack_archive(archive, folder.path(), disk, /*hashed=*/false);
-  ExtractedDrive drive{.root = drive_root(folder.path()), .archive = found.archive};
-  const maps::Drive opened = maps::Drive::open(drive.root);
-  if (opened.size() == 0)
-    throw maps::InputError(archive.name, "a drive without scans",
-                           "one scan at least: pack the folder that holds the scans");
-  drive.layout = opened.contents().layout;
-  drive.scans = opened.size();
+  ExtractedDrive drive{.root = drive_root(folder.path()), .opened = {}, .archive = found.archive};
+  drive.opened = open_drive_folder(drive.root, choice, calls);
   folder.sync(found.folders);
   folder.keep();
   return drive;

@@ -1,12 +1,14 @@
 #pragma once
 
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 #include "store/disk_calls.hpp"
 
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -70,17 +72,29 @@ ExtractedArchive extract_archive(const IncomingArchive& archive,
 /// @throws StorageError when read.
 [[nodiscard]] ByteSource concatenated(std::vector<std::filesystem::path> files);
 
+/// Of a recording's folder: what is taken of it (`maps::Drive::open`).
+inline constexpr const char* kTopicsFile = "topics.txt";
+
+/// A drive that lies in a folder, or the choice that it needs to be one.
+struct OpenedDrive {
+  std::optional<maps::Drive> drive;
+  std::optional<maps::ChoiceError> needs_choice;
+};
+/// @param choice  written to the folder's `kTopicsFile` before, synced; none if empty.
+/// @throws InputError when `Drive` cannot open it with any choice, or it has no scan.
+OpenedDrive open_drive_folder(const std::filesystem::path& root, const std::string& choice,
+                              DiskCalls& calls = DiskCalls::real());
+
 struct ExtractedDrive {
   /// The target, or the single folder in it that holds the drive.
   std::filesystem::path root;
-  maps::DriveLayout layout = maps::DriveLayout::kScanFolder;
-  std::size_t scans = 0;
+  OpenedDrive opened;
   ExtractedArchive archive;
 };
 
-/// As `extract_archive`, of an archive that holds one drive.
-/// @throws also InputError when `Drive` cannot open it or it has no scan.
+/// As `extract_archive`, of an archive that holds one drive. @param choice  as above.
+/// @throws as `extract_archive` and `open_drive_folder`.
 ExtractedDrive extract_drive(const IncomingArchive& archive, const std::filesystem::path& target,
-                             DiskCalls& calls = DiskCalls::real());
+                             DiskCalls& calls = DiskCalls::real(), const std::string& choice = {});
 
 }  // namespace stillmap::server

@@ -1,6 +1,7 @@
 #include "store/drive_store.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/text.hpp>
 #include "store/drive_table.hpp"
 #include "store/received_file.hpp"
 
@@ -49,6 +50,14 @@ void refuse_if_too_large(const StoredDrive& drive, std::uint64_t bytes, std::uin
                          "at most " + std::to_string(most) + " in all");
 }
 
+/// Asked for again with the same choice, a drive that is complete stays so.
+void refuse_other_choice(const fs::path& folder, const std::string& choice) {
+  const fs::path file = folder / kTopicsFile;
+  if (choice.empty() || (is_there(file) && maps::read_text(file) == choice)) return;
+  throw StoreRefusal(StoreRefusal::Reason::kDriveNotOpen,
+                     "the drive is complete with another choice: upload it again to choose anew");
+}
+
 /// A file that goes unless it was renamed.
 class Leftover {
  public:
@@ -69,6 +78,11 @@ class Leftover {
 };
 
 }  // namespace
+
+DriveStore::Found DriveStore::looked_at(const OpenedDrive& opened, const Inspect& inspect) {
+  return {.needs_choice = opened.needs_choice ? opened.needs_choice->what() : "",
+          .inspection = inspect ? inspect(opened) : ""};
+}
 
 /// While it lives nobody else changes this drive.
 class DriveStore::Busy {
@@ -164,25 +178,48 @@ DriveStore::Added DriveStore::add_part(std::int64_t id, const IncomingPart& want
   return {part, is_new};
 }
 
-StoredDrive DriveStore::complete(std::int64_t id, const Limits& limits) {
+StoredDrive DriveStore::complete(std::int64_t id, const Completion& wanted) {
   const Busy busy(*this, id);
   const StoredDrive drive = store_.drives().drive(id);
   if (drive.is_upload())
     throw StoreRefusal(StoreRefusal::Reason::kUnknownDrive,
                        "drive " + std::to_string(id) + " is an upload of a version");
-  if (drive.status == DriveStatus::kOpen) {
-    try {
-      extract(id, limits);
-    } catch (const maps::InputError& error) {
-      store_.drives().fail(id, error.what(), now_ns());
-      DurableFiles(*calls_).remove_tree(home(id));
-      throw;
-    }
-  }
-  StoredDrive done = store_.drives().complete(id, now_ns());
+  if (drive.status == DriveStatus::kNeedsChoice) return choose(drive, wanted);
+  if (drive.status == DriveStatus::kComplete) refuse_other_choice(folder(id), wanted.choice);
+  StoredDrive done = unpack(drive, wanted);
   const fs::path parts = home(id) / kPartsName;
   if (is_there(parts)) DurableFiles(*calls_).remove_tree(parts);
   return done;
+}
+
+/// Of a drive that is not complete: its parts become a drive, or it fails.
+StoredDrive DriveStore::unpack(const StoredDrive& drive, const Completion& wanted) {
+  // `complete` refuses gaps, and what has failed.
+  if (drive.status != DriveStatus::kOpen || parts_of(drive.id).empty())
+    return store_.drives().complete(drive.id, now_ns());
+  try {
+    return note(drive.id, extract(drive.id, wanted));
+  } catch (const maps::InputError& error) {
+    store_.drives().fail(drive.id, error.what(), now_ns());
+    DurableFiles(*calls_).remove_tree(home(drive.id));
+    throw;
+  }
+}
+
+/// Of a drive that needs a choice, which it keeps as long as no choice opens it.
+StoredDrive DriveStore::choose(const StoredDrive& drive, const Completion& wanted) {
+  if (wanted.choice.empty()) return drive;
+  try {
+    const OpenedDrive opened = open_drive_folder(folder(drive.id), wanted.choice, *calls_);
+    return note(drive.id, looked_at(opened, wanted.inspect));
+  } catch (const maps::InputError& error) {
+    return store_.drives().ask_for_choice(drive.id, error.what(), drive.inspection);
+  }
+}
+
+StoredDrive DriveStore::note(std::int64_t id, const Found& found) {
+  if (found.needs_choice.empty()) return store_.drives().complete(id, now_ns(), found.inspection);
+  return store_.drives().ask_for_choice(id, found.needs_choice, found.inspection);
 }
 
 StoredDrive DriveStore::complete_upload(std::int64_t id, const Take& take) {
@@ -218,18 +255,18 @@ std::vector<fs::path> DriveStore::parts_of(std::int64_t id) const {
   return parts;
 }
 
-/// Of an open drive that nobody else changes.
-void DriveStore::extract(std::int64_t id, const Limits& limits) {
+/// Of an open drive that nobody else changes, with all its parts.
+DriveStore::Found DriveStore::extract(std::int64_t id, const Completion& wanted) {
   const DurableFiles files(*calls_);
-  const std::vector<fs::path> parts = parts_of(id);
-  if (parts.empty()) return;  // `complete` refuses gaps
   // Of an attempt that a full disk ended after the drive was in its place.
   if (is_there(folder(id))) files.remove_tree(folder(id));
   const fs::path unpacked = home(id) / kUnpackedName;
   if (is_there(unpacked)) files.remove_tree(unpacked);
-  const ExtractedDrive drive = extract_drive(
-      {store_.leaving_reserve(concatenated(parts)), "drive " + std::to_string(id), limits.archive},
-      unpacked, *calls_);
+  const ExtractedDrive drive = extract_drive({store_.leaving_reserve(concatenated(parts_of(id))),
+                                              "drive " + std::to_string(id), wanted.limits.archive},
+                                             unpacked, *calls_, wanted.choice);
+  // While the drive's files are where it was opened.
+  Found found = looked_at(drive.opened, wanted.inspect);
   // What a drive has beside it stays beside it.
   const fs::path beside = drive.root.parent_path() / kKittiCalibration;
   if (drive.root != unpacked && is_there(beside))
@@ -237,6 +274,7 @@ void DriveStore::extract(std::int64_t id, const Limits& limits) {
   files.rename(drive.root, folder(id));
   if (drive.root != unpacked) files.remove_tree(unpacked);
   files.sync_folder(home(id));
+  return found;
 }
 
 void DriveStore::remove(std::int64_t id) {

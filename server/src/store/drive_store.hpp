@@ -55,12 +55,23 @@ class DriveStore {
   /// beyond `DriveTable::kMostParts`.
   Added add_part(std::int64_t id, const IncomingPart& wanted, const Limits& limits);
 
+  /// Makes `StoredDrive::inspection`. @throws InputError when the drive cannot be used.
+  using Inspect = std::function<std::string(const OpenedDrive&)>;
+  struct Completion {
+    Limits limits{};
+    /// What is taken of a recording (`maps::check_recording_choice`), put into its `topics.txt`;
+    /// empty leaves it as it came.
+    std::string choice{};
+    /// No inspection without it.
+    Inspect inspect{};
+  };
   /// Unpacks the parts, one after the other a tar (plain, gzip or zstd) of one drive, and lets go
-  /// of them. What is complete already stays so.
+  /// of them. A recording that needs a choice is kept as it came, as kNeedsChoice; asked for again
+  /// with a choice, it is opened again. What is complete already stays so.
   /// @throws InputError when they are none: the drive has then failed and its parts are gone;
   /// StoreRefusal kUnknownDrive, kDriveNotOpen, kPartsMissing; StorageError, after which it may be
   /// asked for again.
-  StoredDrive complete(std::int64_t id, const Limits& limits);
+  StoredDrive complete(std::int64_t id, const Completion& wanted);
   /// Takes all bytes of an upload, one part after the other.
   using Take = std::function<void(const ByteSource& source, std::uint64_t bytes)>;
   /// Hands an upload to whoever publishes it, and lets go of its parts when that has returned.
@@ -77,7 +88,16 @@ class DriveStore {
   class Busy;
   [[nodiscard]] std::filesystem::path make_incoming(std::int64_t id);
   [[nodiscard]] std::vector<std::filesystem::path> parts_of(std::int64_t id) const;
-  void extract(std::int64_t id, const Limits& limits);
+  struct Found {
+    /// Which choice it needs; empty if none.
+    std::string needs_choice;
+    std::string inspection;
+  };
+  static Found looked_at(const OpenedDrive& opened, const Inspect& inspect);
+  StoredDrive unpack(const StoredDrive& drive, const Completion& wanted);
+  Found extract(std::int64_t id, const Completion& wanted);
+  StoredDrive choose(const StoredDrive& drive, const Completion& wanted);
+  StoredDrive note(std::int64_t id, const Found& found);
   void clear_leftovers();
 
   PackageStore& store_;

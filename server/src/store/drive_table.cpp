@@ -15,12 +15,13 @@ using Reason = StoreRefusal::Reason;
 using Writing = StoreDatabase::Writing;
 
 constexpr const char* kSelectDrives =
-    "SELECT id, map, name, status, error, created_ns, finished_ns,"
-    " (SELECT coalesce(sum(bytes), 0) FROM drive_parts WHERE drive = id), version, content_type"
-    " FROM drives ";
+    "SELECT id, map, name, iif(needs_choice, 'needs_choice', status), error, created_ns,"
+    " finished_ns, (SELECT coalesce(sum(bytes), 0) FROM drive_parts WHERE drive = id), version,"
+    " content_type, inspection FROM drives ";
 
 DriveStatus status_of(const std::string& name) {
-  if (name == name_of(DriveStatus::kOpen)) return DriveStatus::kOpen;
+  for (const DriveStatus status : {DriveStatus::kOpen, DriveStatus::kNeedsChoice})
+    if (name == name_of(status)) return status;
   return name == name_of(DriveStatus::kFailed) ? DriveStatus::kFailed : DriveStatus::kComplete;
 }
 
@@ -33,6 +34,7 @@ StoredDrive drive_of(const SqliteStatement& row) {
   drive.bytes = static_cast<std::uint64_t>(row.integer(7));
   drive.target = {.version = row.optional_text(8).value_or(""),
                   .content_type = row.optional_text(9).value_or("")};
+  drive.inspection = row.text(10);
   return drive;
 }
 
@@ -62,10 +64,13 @@ StoredDrive finish(SqliteDatabase& database, StoredDrive drive, DriveStatus stat
   drive.status = status;
   drive.error = error;
   drive.finished_ns = now_ns;
-  SqliteStatement(database, "UPDATE drives SET status = ?, error = ?, finished_ns = ? WHERE id = ?")
+  SqliteStatement(database,
+                  "UPDATE drives SET status = ?, needs_choice = 0, error = ?, finished_ns = ?,"
+                  " inspection = ? WHERE id = ?")
       .bind(name_of(status))
       .bind(error)
       .bind(now_ns)
+      .bind(drive.inspection)
       .bind(drive.id)
       .step();
   return drive;
@@ -111,6 +116,8 @@ std::string_view name_of(DriveStatus status) {
   switch (status) {
     case DriveStatus::kOpen:
       return "open";
+    case DriveStatus::kNeedsChoice:
+      return "needs_choice";
     case DriveStatus::kComplete:
       return "complete";
     case DriveStatus::kFailed:
@@ -192,14 +199,36 @@ std::vector<DrivePart> DriveTable::parts(std::int64_t id) const {
   return parts;
 }
 
-StoredDrive DriveTable::complete(std::int64_t id, std::int64_t now_ns) {
+StoredDrive DriveTable::complete(std::int64_t id, std::int64_t now_ns,
+                                 std::string_view inspection) {
   Writing writing(*database_);
   SqliteDatabase& database = writing.database();
-  StoredDrive known = known_drive(database, id);
-  if (known.status == DriveStatus::kComplete) return known;
-  StoredDrive drive = open_drive(database, id);
+  StoredDrive drive = known_drive(database, id);
+  if (drive.status == DriveStatus::kComplete) return drive;
+  if (drive.status != DriveStatus::kNeedsChoice) drive = open_drive(database, id);
   check_no_gap(database, drive);
+  drive.inspection = inspection;
   drive = finish(database, std::move(drive), DriveStatus::kComplete, "", now_ns);
+  writing.commit();
+  return drive;
+}
+
+StoredDrive DriveTable::ask_for_choice(std::int64_t id, std::string_view error,
+                                       std::string_view inspection) {
+  Writing writing(*database_);
+  SqliteDatabase& database = writing.database();
+  StoredDrive drive = known_drive(database, id);
+  if (drive.status != DriveStatus::kNeedsChoice) drive = open_drive(database, id);
+  check_no_gap(database, drive);
+  drive.status = DriveStatus::kNeedsChoice;
+  drive.error = error;
+  drive.inspection = inspection;
+  SqliteStatement(database,
+                  "UPDATE drives SET needs_choice = 1, error = ?, inspection = ? WHERE id = ?")
+      .bind(error)
+      .bind(inspection)
+      .bind(id)
+      .step();
   writing.commit();
   return drive;
 }

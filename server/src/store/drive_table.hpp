@@ -13,9 +13,9 @@ namespace stillmap::server {
 
 class StoreDatabase;
 
-/// open -> complete | failed.
-enum class DriveStatus : std::uint8_t { kOpen, kComplete, kFailed };
-/// "open", "complete", "failed".
+/// open -> needs_choice | complete | failed; needs_choice -> complete.
+enum class DriveStatus : std::uint8_t { kOpen, kNeedsChoice, kComplete, kFailed };
+/// "open", "needs_choice", "complete", "failed".
 [[nodiscard]] std::string_view name_of(DriveStatus status);
 
 /// An uploaded part of a drive.
@@ -45,8 +45,10 @@ struct StoredDrive {
   /// As the uploader called it; not unique.
   std::string name{};
   DriveStatus status = DriveStatus::kOpen;
-  /// Why it failed; else empty.
+  /// Why it failed, or which choice it needs; else empty.
   std::string error{};
+  /// What was found in it, as its completer wrote it; empty where nobody looked.
+  std::string inspection{};
   /// Of its parts.
   std::uint64_t bytes = 0;
   std::int64_t created_ns = 0;
@@ -81,7 +83,11 @@ class DriveTable {
   [[nodiscard]] std::vector<DrivePart> parts(std::int64_t id) const;
   /// What is complete already stays so. @throws StoreRefusal kDriveNotOpen when it failed,
   /// kPartsMissing when there are none or there is a gap.
-  StoredDrive complete(std::int64_t id, std::int64_t now_ns);
+  StoredDrive complete(std::int64_t id, std::int64_t now_ns, std::string_view inspection = "");
+  /// Its bytes are a drive only once more is chosen. It takes no more parts.
+  /// @param error  which choice. @throws StoreRefusal kDriveNotOpen when it is complete or failed,
+  /// kPartsMissing.
+  StoredDrive ask_for_choice(std::int64_t id, std::string_view error, std::string_view inspection);
   /// @throws StoreRefusal kDriveNotOpen.
   StoredDrive fail(std::int64_t id, std::string_view error, std::int64_t now_ns);
 

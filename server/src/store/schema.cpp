@@ -15,7 +15,7 @@ constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`.
-constexpr std::array<const char*, 5> kSteps = {
+constexpr std::array<const char*, 6> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -149,6 +149,10 @@ UPDATE sqlite_sequence SET seq = (SELECT max(id) FROM audit)
 DROP TRIGGER audit_is_append_only;
 CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit WHEN old.sha256 <> ''
   BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
+)",
+    R"(
+ALTER TABLE drives ADD COLUMN needs_choice INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE drives ADD COLUMN inspection TEXT NOT NULL DEFAULT '';
 )",
 };
 

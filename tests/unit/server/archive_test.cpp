@@ -11,7 +11,6 @@
 
 #include "support/bag_bytes.hpp"
 #include "support/disk_calls.hpp"
-#include "support/message_bytes.hpp"
 #include "support/tar_bytes.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -22,6 +21,7 @@ namespace archive_test {
 namespace fs = std::filesystem;
 using namespace ::stillmap::test;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::Pair;
 
 std::string bytes_of(const fs::path& file) {
@@ -205,28 +205,28 @@ TEST_F(DriveArchiveTest, FindsTheDriveInItsFolder) {
       tar_file("a/velodyne/000000.bin", scan()) + tar_file("a/velodyne/000001.bin", scan());
   const ExtractedDrive inside = drive(scans + tar_file("a/times.txt", "0\n0.1\n") + tar_end());
   EXPECT_EQ(inside.root, target_ / "a");
-  EXPECT_EQ(inside.layout, maps::DriveLayout::kKittiOdometry);
-  EXPECT_EQ(inside.scans, 2U);
+  ASSERT_TRUE(inside.opened.drive);
+  EXPECT_EQ(inside.opened.drive->contents().layout, maps::DriveLayout::kKittiOdometry);
+  EXPECT_EQ(inside.opened.drive->size(), 2U);
   fs::remove_all(target_);
   EXPECT_EQ(drive(tar_file("0.bin", scan()) + tar_end()).root, target_);
 }
 
 TEST_F(DriveArchiveTest, FindsABagAndWhatIsChosenOfIt) {
-  test::McapBytes bag;
-  bag.add(test::McapBytes::schema(1, "sensor_msgs/msg/PointCloud2"));
-  for (const std::uint16_t id : {std::uint16_t{1}, std::uint16_t{2}})
-    bag.add(test::McapBytes::channel(id, 1, "/cloud" + std::to_string(id)) +
-            test::McapBytes::message(id, test::one_point(id, 1.0F)));
-  const std::string file = tar_file("run/run_0.mcap", bag.finished());
+  const std::string file = tar_file("run/run_0.mcap", test::bag_of_two_clouds());
   const ExtractedDrive found =
       drive(file + tar_file("run/topics.txt", "cloud=/cloud2\n") + tar_end());
   EXPECT_EQ(found.root, target_ / "run");
-  EXPECT_EQ(found.layout, maps::DriveLayout::kMcap);
-  EXPECT_EQ(found.scans, 1U);
+  ASSERT_TRUE(found.opened.drive);
+  EXPECT_EQ(found.opened.drive->contents().layout, maps::DriveLayout::kMcap);
+  EXPECT_EQ(found.opened.drive->size(), 1U);
   fs::remove_all(target_);
-  EXPECT_THAT([&] { drive(file + tar_end()); },
-              ThrowsSaying<maps::InputError>(
-                  {"/cloud1 (1 clouds in 'lidar'), /cloud2 (1 clouds in 'lidar')"}));
+  const ExtractedDrive undecided = drive(file + tar_end());
+  EXPECT_FALSE(undecided.opened.drive);
+  ASSERT_TRUE(undecided.opened.needs_choice);
+  EXPECT_THAT(undecided.opened.needs_choice->what(),
+              HasSubstr("/cloud1 (1 clouds in 'lidar'), /cloud2 (1 clouds in 'lidar')"));
+  EXPECT_EQ(open_drive_folder(undecided.root, "cloud=/cloud1", calls_).drive->size(), 1U);
 }
 
 TEST_F(DriveArchiveTest, RefusesWhatIsNoDrive) {

@@ -4,6 +4,10 @@
 #include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
+#include <stillmap/maps/recording_choice.hpp>
+
+#include <fmt/format.h>
+
 #include "store/archive.hpp"
 
 #include <algorithm>
@@ -120,6 +124,37 @@ class BagDrive : public ::testing::Test {
   test::TemporaryFolder folder_{test::memory_folder()};
   std::vector<Message> messages_;
 };
+
+TEST_F(BagDrive, SaysAllThatCanBeChosenWhereSomethingHasToBe) {
+  for (int i = 0; i < 2; ++i) clouds("/rear", i, "rear");
+  add("/odd", kCloudType, one_point(kStart, 1.0F, "a"));
+  add("/odd", kCloudType, one_point(kStart + kStep, 1.0F, "b"));
+  add_odometry();
+  add("/tf", kTfType, test::transform(kStart, "map", "odom", {}));
+  add_static("base_link", "lidar", {});
+  add("/fix", kFixType, "anything");
+  std::vector<std::string> found;
+  try {
+    (void)open();
+  } catch (const maps::ChoiceError& error) {
+    for (const maps::RecordingTopic& topic : error.topics())
+      found.push_back(
+          fmt::format("{}={} {} '{}'", topic.word, topic.name, topic.messages, topic.frame_id));
+  }
+  EXPECT_THAT(found, ElementsAre("cloud=/points 4 'lidar'", "cloud=/rear 2 'rear'",
+                                 "poses=/odom 6 'lidar'", "poses=/tf 1 ''", "gnss=/fix 0 ''"));
+  EXPECT_EQ(open("?cloud=/rear&poses=none").size(), 2U);
+}
+
+TEST_F(BagDrive, AsksForNoChoiceThatWouldNotHelp) {
+  messages_.clear();
+  clouds("/points", 0, "a");
+  clouds("/points", 1, "b");
+  add_odometry();
+  const auto opened = [&] { (void)open(); };
+  EXPECT_THAT(opened, ::testing::Throws<maps::InputError>());
+  EXPECT_THAT(opened, Not(::testing::Throws<maps::ChoiceError>()));
+}
 
 TEST_F(BagDrive, ReadsTheOneTopicOfCloudsWithTheStampsOfItsHeaders) {
   add("/imu", "sensor_msgs/msg/Imu", "anything");
@@ -657,6 +692,17 @@ TEST_F(BagDrive, NamesBothClocksWhereNoPoseIsNearAScan) {
        "543.300 s",
        "?stamps=recorded'"});
   EXPECT_TRUE(open("?stamps=recorded").has_poses());
+}
+
+TEST_F(BagDrive, TakesACalibrationOnlyFromItsOwnFolder) {
+  folder_.write("bag/run.mcap", mcap_of(messages_));
+  folder_.write("bag/topics.txt", "cloud=/points\ncalibration=/etc/hostname\n");
+  const auto open_folder = [&] { (void)maps::Drive::open(folder_.path() / "bag"); };
+  EXPECT_THAT(open_folder, ThrowsSaying<maps::InputError>({"topics.txt", "without '/'"}));
+  folder_.write("bag/topics.txt", "calibration=64e.yaml\n");
+  EXPECT_THAT(open_folder, ThrowsSaying<maps::StorageError>({"bag/64e.yaml"}));
+  folder_.write("bag/64e.yaml", "- laser_id: 0\n");
+  open_folder();
 }
 
 TEST_F(BagDrive, ReadsCloudsOfLivox) {

@@ -13,6 +13,7 @@
 #include <string>
 #include <utility>
 
+#include "support/bag_bytes.hpp"
 #include "support/disk_calls.hpp"
 #include "support/store_refusals.hpp"
 #include "support/tar_bytes.hpp"
@@ -136,6 +137,48 @@ TEST_F(DriveStoreTest, FailsForGoodWhenThePartsAreNoDrive) {
   EXPECT_THAT(store_.drives().drive(id_).error, HasSubstr("no layout"));
   EXPECT_FALSE(fs::exists(home()));
   expect_refused(Reason::kDriveNotOpen, [&] { drives_.complete(id_, {}); });
+}
+
+/// A bag of two lidars.
+std::string two_clouds() { return tar_file("run.mcap", test::bag_of_two_clouds()) + tar_end(); }
+
+/// What was opened, as an inspection.
+std::string kind_of(const OpenedDrive& opened) { return opened.drive ? "drive" : "recording"; }
+
+TEST_F(DriveStoreTest, KeepsARecordingUntilAChoiceOpensIt) {
+  add(1, two_clouds());
+  const StoredDrive asked = drives_.complete(id_, {.inspect = kind_of});
+  EXPECT_EQ(asked.status, DriveStatus::kNeedsChoice);
+  EXPECT_THAT(asked.error, HasSubstr("/cloud2 (1 clouds"));
+  EXPECT_EQ(asked.inspection, "recording");
+  EXPECT_EQ(asked, store_.drives().drive(id_));
+  EXPECT_FALSE(asked.finished_ns);
+  EXPECT_FALSE(fs::exists(home() / "parts")) << "its bytes lie there once";
+  expect_refused(Reason::kDriveNotOpen, [&] { add(2, "x"); });
+  expect_refused(Reason::kDriveNotComplete,
+                 [&] { (void)store_.jobs().enqueue({.map = "town", .drives = {id_}}, 2); });
+  EXPECT_EQ(drives_.complete(id_, {}), asked) << "without a choice it asks again";
+  const StoredDrive wrong = drives_.complete(id_, {.choice = "cloud=/none", .inspect = kind_of});
+  EXPECT_EQ(wrong.status, DriveStatus::kNeedsChoice);
+  EXPECT_THAT(wrong.error, HasSubstr("no clouds on /none"));
+
+  const DriveStore reopened(store_, calls_);
+  EXPECT_TRUE(fs::exists(reopened.folder(id_) / "run.mcap")) << "a restart takes nothing of it";
+  const StoredDrive done = drives_.complete(id_, {.choice = "cloud=/cloud2", .inspect = kind_of});
+  EXPECT_EQ(done.status, DriveStatus::kComplete);
+  EXPECT_EQ(done.error, "");
+  EXPECT_EQ(done.inspection, "drive");
+  EXPECT_TRUE(done.finished_ns);
+  EXPECT_EQ(maps::Drive::open(drives_.folder(id_)).contents().entries.topic, "/cloud2");
+  EXPECT_EQ(drives_.complete(id_, {.choice = "cloud=/cloud2"}), done) << "twice is once";
+  expect_refused(Reason::kDriveNotOpen,
+                 [&] { drives_.complete(id_, {.choice = "cloud=/cloud1"}); });
+}
+
+TEST_F(DriveStoreTest, TakesTheChoiceThatComesWithTheEndOfTheUpload) {
+  add(1, two_clouds());
+  EXPECT_EQ(drives_.complete(id_, {.choice = "cloud=/cloud1"}).status, DriveStatus::kComplete);
+  EXPECT_EQ(maps::Drive::open(drives_.folder(id_)).contents().entries.topic, "/cloud1");
 }
 
 /// As the tar of a day's folder holds it.

@@ -3,6 +3,7 @@
 #include "body_in_memory.hpp"
 #include "http/content_digest.hpp"
 #include "service_fixture.hpp"
+#include "support/bag_bytes.hpp"
 #include "support/tar_bytes.hpp"
 
 namespace stillmap::server {
@@ -95,6 +96,40 @@ TEST_F(Drives, WhatIsNoDriveFailsWithoutNamingPlacesOfTheMachine) {
   for (const std::string& text : {refused.body, get(path).body, get(kDrives).body})
     EXPECT_THAT(text, Not(HasSubstr(store_.folder().path().string())));
   EXPECT_EQ(body(put(path + "/parts/2", "x"))["code"], "DriveNotOpen");
+}
+
+TEST_F(Drives, RecordingThatNeedsAChoiceIsKeptAndListsWhatCanBeChosen) {
+  start();
+  const std::string path = open_one();
+  put(path + "/parts/1", test::tar_file("run.mcap", test::bag_of_two_clouds()) + test::tar_end());
+  EXPECT_EQ(body(get(path))["inspection"], nullptr);
+  const std::string complete = path + "/complete";
+  for (const char* wrong : {R"({"choice": "lidar=/x"})", R"({"choice": ""})", R"({"choice": 1})",
+                            R"({"choice": "cloud=/x\n"})"}) {
+    EXPECT_EQ(body(send("POST", complete, wrong))["errors"][0]["path"], "choice") << wrong;
+  }
+  const HttpResponse asked = send("POST", complete);
+  EXPECT_EQ(asked.status, 202);
+  EXPECT_EQ(body(asked)["status"], "needs_choice");
+  EXPECT_THAT(asked.body, Not(HasSubstr(store_.folder().path().string())));
+  const nlohmann::json listed = body(get(kDrives))["drives"][0];
+  EXPECT_THAT(listed["error"].get<std::string>(), HasSubstr("clouds on /cloud1"));
+  ASSERT_EQ(listed["inspection"]["choices"].size(), 2U);
+  EXPECT_EQ(listed["inspection"]["choices"][1]["choice"], "cloud=/cloud2");
+  const HttpResponse rebuild = send("POST", "/v1/maps/town/rebuild",
+                                    R"({"drives": [)" + path.substr(path.size() - 1) + "]}");
+  EXPECT_EQ(body(rebuild)["code"], "DriveNotComplete");
+
+  const HttpResponse wrong = send("POST", complete, R"({"choice": "cloud=/none"})");
+  EXPECT_EQ(wrong.status, 202);
+  EXPECT_THAT(body(wrong)["error"].get<std::string>(), HasSubstr("no clouds on /none"));
+  const HttpResponse done = send("POST", complete, R"({"choice": "cloud=/cloud2"})");
+  EXPECT_EQ(done.status, 200);
+  EXPECT_EQ(body(done)["status"], "complete");
+  EXPECT_EQ(body(done)["inspection"]["topic"], "/cloud2");
+  EXPECT_TRUE(body(done)["inspection"]["choices"].empty());
+  EXPECT_THAT(body(done)["inspection"]["findings"].dump(), HasSubstr("no_poses"));
+  EXPECT_EQ(body(send("POST", complete, R"({"choice": "cloud=/cloud1"})"))["code"], "DriveNotOpen");
 }
 
 TEST_F(Drives, BelongToTheirMap) {

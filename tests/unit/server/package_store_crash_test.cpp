@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "support/bag_bytes.hpp"
 #include "support/disk_calls.hpp"
 #include "support/disk_model.hpp"
 #include "support/store_contents.hpp"
@@ -127,6 +128,11 @@ class StoreScenarioTest : public ::testing::Test {
           });
         },
         [](Store& store) { store->drive_bytes.remove(3); },
+        [](Store& store) { store->drives().open("town", "of two lidars", 6); },
+        [this](Store& store) { add_part(*store, 4, 1, recording_tar_); },
+        [](Store& store) { store->drive_bytes.complete(4, {}); },
+        [](Store& store) { store->drive_bytes.complete(4, {.choice = "cloud=/cloud2"}); },
+        [](Store& store) { store->drive_bytes.remove(4); },
         [](Store& store) { store->edits().save("town", "some", "k", 2); },
         [](Store& store) { store->edits().save("town", "others", "k", 3); },
         [](Store& store) { store->audit().append({.subject = "town"}); },
@@ -159,6 +165,8 @@ class StoreScenarioTest : public ::testing::Test {
   }
 
   const std::string drive_tar_ = test::tar_file("a/0.bin", drive_scan()) + test::tar_end();
+  const std::string recording_tar_ =
+      test::tar_file("run.mcap", test::bag_of_two_clouds()) + test::tar_end();
   TemporaryFolder folder_{memory_folder()};
   fs::path sources_ = folder_.path() / "sources";
   std::string tar_, tar_in_folder_;

@@ -213,7 +213,9 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
   }
   run_sql(store_ / "state.db",
           "DROP TABLE saved_edits; ALTER TABLE drives DROP COLUMN version;"
-          "ALTER TABLE drives DROP COLUMN content_type; DROP TRIGGER audit_is_append_only;"
+          "ALTER TABLE drives DROP COLUMN content_type;"
+          "ALTER TABLE drives DROP COLUMN needs_choice;"
+          "ALTER TABLE drives DROP COLUMN inspection; DROP TRIGGER audit_is_append_only;"
           "CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit"
           " BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;"
           "DROP TABLE audit_start; ALTER TABLE audit DROP COLUMN sha256;"
@@ -234,7 +236,7 @@ TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
   run_sql(store_ / "state.db", "PRAGMA user_version=9");
   EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<maps::InputError>({"schema version 9", "at most 5", "newer stillmap"}));
+              ThrowsSaying<maps::InputError>({"schema version 9", "at most 6", "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {

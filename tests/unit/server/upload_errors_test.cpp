@@ -11,6 +11,10 @@ TEST(UploadErrors, MessagesNameNoPlaceOfTheStore) {
             "scans/1.bin: found 3 bytes");
   EXPECT_EQ(shown("/srv/maps/drives/12/.incoming-drive/1.bin"), "1.bin");
   EXPECT_EQ(shown("/srv/maps/drives/7/parts/2: cut"), "2: cut");
+  EXPECT_EQ(
+      shown("/srv/maps/drives/7/.incoming-drive: as in '/srv/maps/drives/7/drive-7?cloud=/a'"),
+      "drive 7: as in 'drive 7?cloud=/a'");
+  EXPECT_EQ(shown("/srv/maps/drives/7/drive-77: no"), "drives/7/drive-77: no");
   EXPECT_EQ(shown("/srv/maps/jobs/3/scratch/work/cut.pcd and /srv/maps/jobs/3/scratch/map"),
             "work/cut.pcd and map");
   EXPECT_EQ(shown("/srv/maps/packages/.incoming-77-0/objects.json: x"), "objects.json: x");

@@ -1,7 +1,7 @@
 import { useState } from 'preact/hooks';
 import { ask } from '../api/client.js';
 import { Confirm } from '../ui/confirm.js';
-import { age, bytes, date } from '../ui/format.js';
+import { age, bytes, date, duration, firstUpper, plural } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { useLoad } from '../ui/load.js';
 import { say } from '../ui/notices.js';
@@ -10,20 +10,26 @@ import { useStore } from '../state/store.js';
 import { UploadDialog } from '../upload/dialog.js';
 import { uploads } from '../upload/manager.js';
 import { forgetUpload, remembered } from '../upload/remembered.js';
+import { choiceOf, undecided, type Selected } from '../upload/topics.js';
+import { TopicsForm } from '../upload/topics_form.js';
 import type { DriveRow } from './facts.js';
 
 const kWords: Record<DriveRow['status'], { tone: Tone; text: string }> = {
   open: { tone: 'warn', text: 'Incomplete' },
+  needs_choice: { tone: 'warn', text: 'Needs a choice' },
   complete: { tone: 'good', text: 'Complete' },
   failed: { tone: 'bad', text: 'Failed' },
 };
+
+/** A recording is read from its beginning to its end. */
+const kOpenS = 3600;
 
 const kUploading = { tone: 'live', text: 'Uploading' } as const;
 
 /** The drives from which versions of a map can be built. */
 export function DrivesSection({ map }: { map: string }) {
   const drives = useLoad((signal) => ask('get', '/v1/maps/{map}/drives', { path: { map }, signal }), [map], { everyS: 5 });
-  const [open, setOpen] = useState<{ what: 'resume' | 'delete'; drive: DriveRow }>();
+  const [open, setOpen] = useState<{ what: 'resume' | 'choose' | 'delete'; drive: DriveRow }>();
   const list = drives.data?.data.drives;
   const close = (): void => setOpen(undefined);
   return (
@@ -42,19 +48,20 @@ export function DrivesSection({ map }: { map: string }) {
             </thead>
             <tbody>
               {list.map((drive) => (
-                <Row key={drive.id} drive={drive} onResume={() => setOpen({ what: 'resume', drive })} onDelete={() => setOpen({ what: 'delete', drive })} />
+                <Row key={drive.id} drive={drive} onOpen={(what) => setOpen({ what, drive })} />
               ))}
             </tbody>
           </table>
         </div>
       )}
       {open?.what === 'resume' && <UploadDialog map={map} resume={{ ...open.drive, kind: 'drive' }} onClose={close} />}
+      {open?.what === 'choose' && <ChooseTopics drive={open.drive} onClose={close} onChange={drives.reload} />}
       {open?.what === 'delete' && <DeleteDrive drive={open.drive} onClose={close} onChange={drives.reload} />}
     </section>
   );
 }
 
-function Row({ drive, onResume, onDelete }: { drive: DriveRow; onResume: () => void; onDelete: () => void }) {
+function Row({ drive, onOpen }: { drive: DriveRow; onOpen: (what: 'resume' | 'choose' | 'delete') => void }) {
   const here = useStore(uploads).some(({ plan, transfer }) =>
     plan.map === drive.map && plan.kind === 'drive' && plan.name === drive.name
     && !['canceled', 'failed', 'done'].includes(transfer.view.get().state));
@@ -64,7 +71,8 @@ function Row({ drive, onResume, onDelete }: { drive: DriveRow; onResume: () => v
     <tr data-drive={drive.id}>
       <th scope="row" class="name">
         {drive.name === '' ? `Drive ${drive.id}` : drive.name} <span class="quiet">drive {drive.id}</span>
-        {drive.error !== '' && <span class="fault">{drive.error}</span>}
+        {drive.status === 'failed' && <span class="fault">{drive.error}</span>}
+        <Inspected drive={drive} />
       </th>
       <td>
         <Badge tone={state.tone}>{state.text}</Badge>
@@ -76,11 +84,55 @@ function Row({ drive, onResume, onDelete }: { drive: DriveRow; onResume: () => v
       <td title={date(drive.created_ns)}>{age(drive.created_ns)}</td>
       <td class="end">
         <div class="actions end">
-          {drive.status === 'open' && !here && <button type="button" class="small" onClick={onResume}>Resume the upload</button>}
-          <button type="button" class="plain small" aria-label={`Delete the drive ${drive.name}`} onClick={onDelete}><Icon name="trash" /></button>
+          {drive.status === 'open' && !here && <button type="button" class="small" onClick={() => onOpen('resume')}>Resume the upload</button>}
+          {drive.status === 'needs_choice' && <button type="button" class="small" onClick={() => onOpen('choose')}>Choose topics</button>}
+          <button type="button" class="plain small" aria-label={`Delete the drive ${drive.name}`} onClick={() => onOpen('delete')}><Icon name="trash" /></button>
         </div>
       </td>
     </tr>
+  );
+}
+
+/** What `stillmap inspect` says of a drive: what looks wrong is shown, what the reader did can be opened. */
+function Inspected({ drive: { inspection } }: { drive: DriveRow }) {
+  if (inspection === null || inspection.scans === 0) return null;
+  const { scans, duration_s, topic, findings, notes } = inspection;
+  return (
+    <div class="inspected">
+      <span class="quiet">{plural(scans, 'scan')}, {duration(duration_s)}{topic !== '' && ` of ${topic}`}</span>
+      {findings.map(({ code, what, remedy }) => (
+        <p key={code} class="finding" data-code={code}><Icon name="warning" /> {firstUpper(what)}. <span class="quiet">{firstUpper(remedy)}.</span></p>
+      ))}
+      {notes.length > 0 && (
+        <details>
+          <summary>{plural(notes.length, 'note')}</summary>
+          <ul>{notes.map((note) => <li key={note}>{note}</li>)}</ul>
+        </details>
+      )}
+    </div>
+  );
+}
+
+/** Asks which topics of a recording are used. The server keeps asking while it cannot read it so. */
+function ChooseTopics({ drive, onClose, onChange }: { drive: DriveRow; onClose: () => void; onChange: () => void }) {
+  const [now, setNow] = useState(drive);
+  const [selected, setSelected] = useState<Selected>({});
+  const topics = now.inspection?.choices ?? [];
+  const ready = choiceOf(selected) !== '' && undecided(topics, selected).length === 0;
+  const act = async (): Promise<boolean> => {
+    const { data } = await ask('post', '/v1/maps/{map}/drives/{drive}/complete', {
+      path: { map: drive.map, drive: drive.id }, json: { choice: choiceOf(selected) }, timeoutS: kOpenS,
+    });
+    onChange();
+    setNow(data);
+    if (data.status === 'complete') say({ kind: 'good', text: `The drive “${drive.name}” is complete.` });
+    return data.status === 'complete';
+  };
+  return (
+    <Confirm title={`Choose the topics of “${drive.name}”`} verb="Use these topics" ready={ready} act={act} onClose={onClose}>
+      <p class="remark" role="status">{now.error}</p>
+      <TopicsForm topics={topics} selected={selected} onSelect={setSelected} withFrame />
+    </Confirm>
   );
 }
 

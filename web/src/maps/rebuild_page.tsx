@@ -27,7 +27,7 @@ export function RebuildPage({ map }: { map: string }) {
         <h1>Rebuild {map}</h1>
       </div>
       {drives.error !== undefined && <Trouble error={drives.error} onRetry={drives.reload} />}
-      {all !== undefined && complete?.length === 0 && <NoDrive map={map} begun={all.filter(({ status }) => status === 'open')} />}
+      {all !== undefined && complete?.length === 0 && <NoDrive map={map} begun={all.filter(({ status }) => status !== 'failed')} />}
       {complete !== undefined && complete.length > 0 && <Form map={map} drives={complete} />}
     </>
   );
@@ -39,6 +39,7 @@ function NoDrive({ map, begun }: { map: string; begun: readonly DriveRow[] }) {
   return (
     <Empty title={first === undefined ? 'This map has no drives yet' : `“${nameOf(first)}” is not complete yet`}>
       {first === undefined ? <p>New versions are built from drives. Upload a drive on the map’s page, as a folder or a tar.</p>
+        : first.status === 'needs_choice' ? <p>It has several topics that a map could be built of. Choose them on the map’s page.</p>
         : <p role="status">{bytes(first.bytes)} have arrived. This page continues when the drive is complete.</p>}
       <a class="button" href={linkTo('maps', [map])}>Open {map}</a>
     </Empty>

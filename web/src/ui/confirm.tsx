@@ -12,15 +12,17 @@ export interface ConfirmProps {
   danger?: boolean;
   /** Must be typed before the button can be pressed. */
   word?: string;
-  /** Called when the button is pressed. The dialog closes after it, or shows the error that it throws. */
-  act: () => Promise<void>;
+  /** Whether the button can be pressed; it can if this is left out. */
+  ready?: boolean;
+  /** Called when the button is pressed. The dialog closes after it, unless it returns false or throws an error, which is shown. */
+  act: () => Promise<boolean | void>;
   onClose: () => void;
   /** Shown for an error instead of the usual text. */
   explain?: (error: ApiError) => ComponentChildren;
 }
 
 /** Asks before something is done. If that fails, the dialog stays open and shows why. */
-export function Confirm({ title, children, verb, danger, word, act, onClose, explain }: ConfirmProps) {
+export function Confirm({ title, children, verb, danger, word, ready = true, act, onClose, explain }: ConfirmProps) {
   const [typed, setTyped] = useState('');
   const [error, setError] = useState<ApiError>();
   const [busy, setBusy] = useState(false);
@@ -29,15 +31,14 @@ export function Confirm({ title, children, verb, danger, word, act, onClose, exp
     setBusy(true);
     setError(undefined);
     try {
-      await act();
-      onClose();
+      if (await act() !== false) onClose();
     } catch (reason) {
       if (!isAborted(reason)) setError(toApiError(reason));
     } finally {
       setBusy(false);
     }
   };
-  const ready = !busy && (word === undefined || typed.trim() === word);
+  const canPress = ready && !busy && (word === undefined || typed.trim() === word);
   return (
     <Dialog title={title} onClose={onClose}>
       <form onSubmit={(event) => void submit(event)}>
@@ -53,7 +54,7 @@ export function Confirm({ title, children, verb, danger, word, act, onClose, exp
         <div class="actions">
           <span class="grow" />
           <button type="button" onClick={onClose}>Cancel</button>
-          <button type="submit" class={danger === true ? 'danger' : 'primary'} disabled={!ready}>{busy ? 'Please wait…' : verb}</button>
+          <button type="submit" class={danger === true ? 'danger' : 'primary'} disabled={!canPress}>{busy ? 'Please wait…' : verb}</button>
         </div>
       </form>
     </Dialog>

@@ -2,6 +2,7 @@
 
 import { kRecording, lookAt, lookAtFolder, type Look } from './kind.js';
 import { tarOf, type TarEntry } from './tar.js';
+import type { Topic } from './topics.js';
 
 export interface Chosen {
   /** Of the file or folder. */
@@ -12,6 +13,8 @@ export interface Chosen {
   /** Newest change of a file in it [ms since 1970]. */
   changedMs: number;
   files: number;
+  /** Of a recording whose files have an index; else undefined. */
+  topics?: Topic[] | undefined;
 }
 
 /** One file of an `<input type=file>`. A recording is a whole drive, and is packed like a folder. */
@@ -21,18 +24,34 @@ export async function chosenFile(file: File): Promise<Chosen> {
 }
 
 /** The files of an `<input type=file webkitdirectory>`, or of a dropped folder. @param files with paths below the folder */
-function chosenFolder(name: string, files: readonly TarEntry[]): Chosen {
+async function chosenFolder(name: string, files: readonly TarEntry[]): Promise<Chosen> {
   const wanted = files.filter(({ path }) => !kClutter.test(path));
   const changedMs = wanted.reduce((newest, { file }) => Math.max(newest, file.lastModified ?? 0), 0);
   const look = lookAtFolder(name, wanted.map(({ path }) => path));
-  return { name, look, content: 'refused' in look ? new Blob([]) : tarOf(wanted), changedMs, files: wanted.length };
+  if ('refused' in look) return { name, look, content: new Blob([]), changedMs, files: wanted.length };
+  const recordings = wanted.filter(({ path }) => kIndexed.test(path));
+  const topics = recordings.length === 0 ? undefined : await topicsOf(recordings.map(({ file }) => file));
+  return { name, look, content: tarOf(wanted), changedMs, files: wanted.length, topics };
 }
+
+/** Undefined if a file has no index: then the server tells the topics after the upload, or what is broken. */
+export async function topicsOf(recordings: readonly Blob[]): Promise<Topic[] | undefined> {
+  try {
+    const { readTopics } = await import('./recording.js');
+    return await readTopics(recordings);
+  } catch {
+    return undefined;
+  }
+}
+
+/** Recordings whose topics can be read here. */
+const kIndexed = /\.(mcap|bag)$/i;
 
 /** Files that file managers add. */
 const kClutter = /(^|\/)(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*)$/;
 
 /** @param list of an `<input webkitdirectory>`: paths begin with the folder's name. */
-export function fromDirectoryInput(list: readonly File[]): Chosen {
+export function fromDirectoryInput(list: readonly File[]): Promise<Chosen> {
   const name = list[0]?.webkitRelativePath.split('/')[0] ?? 'folder';
   return chosenFolder(name, list.map((file) => ({ path: file.webkitRelativePath.slice(name.length + 1), file })));
 }

@@ -11,6 +11,8 @@ import { collectionOf, kKindWords, type Kind } from './kind.js';
 import { startUpload } from './manager.js';
 import { faultOfName, suggestedMap, suggestedVersion } from './names.js';
 import { begunWith } from './remembered.js';
+import { choiceOf, undecided, type Selected } from './topics.js';
+import { TopicsForm } from './topics_form.js';
 
 /** An upload that was started before: its number, and the name of the drive or version. */
 export interface Resumed {
@@ -83,7 +85,7 @@ function Chooser({ chosen, choose }: { chosen: Chosen | undefined; choose: (prom
           <input
             type="file" class="unseen" {...{ webkitdirectory: true }}
             onChange={({ currentTarget: { files } }) =>
-              files !== null && files.length > 0 && choose(Promise.resolve().then(() => fromDirectoryInput([...files])))}
+              files !== null && files.length > 0 && choose(fromDirectoryInput([...files]))}
           />
         </label>
       </div>
@@ -109,19 +111,21 @@ function Where({ chosen, map: fixedMap, resume, onClose }: WhereProps) {
   const [kind, setKind] = useState<Kind>(resume?.kind ?? look?.kind ?? 'package');
   const [typedMap, setMap] = useKept('upload.map', '');
   const [typedName, setName] = useState<string>();
+  const [selected, setSelected] = useState<Selected>({});
   const { names: maps, isNew } = useMaps();
   const map = fixedMap ?? (typedMap === '' ? suggestedMap(chosen.name) : typedMap);
   const suggested = useSuggestedName(chosen, kind, map, isNew(map));
   const name = resume?.name ?? typedName ?? suggested ?? '';
   const mapFault = faultOfName(map);
   const nameFault = resume === undefined ? faultOfUploadName(kind, name) : undefined;
-  const isSound = mapFault === undefined && nameFault === undefined;
+  const topics = kind === 'drive' ? (chosen.topics ?? []) : [];
+  const isSound = mapFault === undefined && nameFault === undefined && undecided(topics, selected).length === 0;
   const begun = resume === undefined
     ? begunWith({ map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
   const start = (event: Event, resumedId: number | undefined): void => {
     event.preventDefault();
     if (!isSound) return;
-    startUpload({ map, kind, name, chosen, resume: resumedId });
+    startUpload({ map, kind, name, chosen, resume: resumedId, choice: choiceOf(selected) });
     onClose();
   };
   return (
@@ -136,6 +140,7 @@ function Where({ chosen, map: fixedMap, resume, onClose }: WhereProps) {
           {(props) => <input {...props} value={name} onInput={(event) => setName(event.currentTarget.value)} />}
         </Field>
       )}
+      {topics.length > 0 && <TopicsForm topics={topics} selected={selected} onSelect={setSelected} />}
       {begun !== undefined && <p class="remark" role="status">An upload of this file was interrupted. “Resume” continues it.</p>}
       <div class="actions">
         {begun !== undefined && <button type="button" disabled={!isSound} onClick={(event) => start(event, undefined)}>Start over</button>}

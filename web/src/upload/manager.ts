@@ -20,6 +20,8 @@ export interface UploadPlan {
   chosen: Chosen;
   /** Number of the drive or upload that was started before. */
   resume?: number | undefined;
+  /** Which topics of a recording are used; empty or undefined if that was not asked. */
+  choice?: string | undefined;
 }
 
 export interface Upload {
@@ -40,7 +42,7 @@ export function startUpload(plan: UploadPlan): Upload {
   upload.transfer.view.listen(({ state, outcome, error }) => {
     if (state === 'done' && outcome !== undefined) {
       finished(plan, outcome);
-      setTimeout(() => void dismiss(upload), kDoneShownMs);
+      if (!needsChoice(outcome)) setTimeout(() => void dismiss(upload), kDoneShownMs);
     }
     if (state === 'failed' && error !== undefined) say({ kind: 'bad', text: `${plan.chosen.name}: ${error.message}` });
   });
@@ -67,15 +69,16 @@ export function guardUploads(): void {
 }
 
 function targetOf(plan: UploadPlan): Target {
-  const { map, kind, name, chosen, resume } = plan;
+  const { map, kind, name, chosen, resume, choice } = plan;
   const collection = collectionOf(kind);
   const opened = (id: number): void =>
     remember({ map, collection, id, name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs });
   if (kind === 'drive') {
-    const target = new PartsTarget(map, collection, { name }, resume, opened);
+    const complete = choice === undefined || choice === '' ? undefined : { choice };
+    const target = new PartsTarget(map, collection, { open: { name }, complete }, resume, opened);
     return resume === undefined ? withMap(map, target) : target;
   }
-  return new PartsTarget(map, collection, { version: name, content_type: contentType(kind, packingOf(chosen)) }, resume, opened);
+  return new PartsTarget(map, collection, { open: { version: name, content_type: contentType(kind, packingOf(chosen)) } }, resume, opened);
 }
 
 /** A drive belongs to a map, which is created if it is new. */
@@ -100,13 +103,20 @@ function contentType(kind: Kind, packing: Packing): string {
   return { tar: 'application/x-tar', gzip: 'application/gzip', zstd: 'application/zstd' }[packing];
 }
 
+/** Whether the server asks which topics of the recording are used. */
+export function needsChoice(outcome: Outcome | undefined): boolean {
+  return outcome?.is === 'drive' && outcome.needsChoice;
+}
+
 function finished({ map, kind, name, chosen }: UploadPlan, outcome: Outcome): void {
   const begun = begunWith({
     map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs,
   });
   if (begun !== undefined) forgetUpload(map, begun.collection, begun.id);
   const link = { href: linkTo('maps', [map]), text: `Show ${map}` };
-  if (outcome.is === 'drive') {
+  if (needsChoice(outcome)) {
+    say({ kind: 'plain', text: `Uploaded the drive “${name}”. Choose its topics before you build a map from it.`, link });
+  } else if (outcome.is === 'drive') {
     say({ kind: 'good', text: `Uploaded the drive “${name}”.`, link });
   } else if (outcome.is === 'job') {
     say({ kind: 'good', text: `${kKindWords[kind]}: “${name}” is being converted to a map package.`, link: { href: linkTo('jobs', [String(outcome.job)]), text: `Job ${outcome.job}` } });

@@ -7,7 +7,7 @@ import type { ListedPart } from './parts.js';
 
 /** The result of an upload. */
 export type Outcome =
-  | { is: 'drive'; drive: number }
+  | { is: 'drive'; drive: number; needsChoice: boolean }
   | { is: 'version'; version: string; wasThere: boolean }
   | { is: 'job'; job: number };
 
@@ -27,7 +27,7 @@ export interface Target {
 /** An upload as the server lists it, of a drive or of a package. */
 interface Listed {
   id: number;
-  status: 'open' | 'complete' | 'failed';
+  status: 'open' | 'needs_choice' | 'complete' | 'failed';
   error: string;
   parts: ListedPart[];
 }
@@ -43,20 +43,20 @@ export class PartsTarget implements Target {
   private id_: number | undefined;
 
   /**
-   * @param opening  JSON of the request that opens it.
-   * @param id       of an upload that was started before.
-   * @param onOpen   called with its id when it is open.
+   * @param json    of the requests that open and complete it.
+   * @param id      of an upload that was started before.
+   * @param onOpen  called with its id when it is open.
    */
   constructor(
-    private readonly map_: string, private readonly collection_: Collection, private readonly opening_: object,
-    id: number | undefined, private readonly onOpen_: (id: number) => void,
+    private readonly map_: string, private readonly collection_: Collection,
+    private readonly json_: { open: object; complete?: object | undefined }, id: number | undefined, private readonly onOpen_: (id: number) => void,
   ) {
     this.id_ = id;
   }
 
   async begin(signal: AbortSignal): Promise<ListedPart[]> {
     if (this.id_ === undefined) {
-      const opened = await this.json('POST', '', signal, { body: JSON.stringify(this.opening_) });
+      const opened = await this.json('POST', '', signal, { body: JSON.stringify(this.json_.open) });
       this.id_ = opened.id;
       this.onOpen_(opened.id);
       return opened.parts;
@@ -77,7 +77,9 @@ export class PartsTarget implements Target {
 
   async finish(signal: AbortSignal): Promise<Outcome> {
     const path = this.address('/{id}/complete');
-    const response = await send('POST', path, { signal, timeoutS: kCheckS });
+    const { complete } = this.json_;
+    const body = complete === undefined ? {} : { body: JSON.stringify(complete), headers: { 'Content-Type': 'application/json' } };
+    const response = await send('POST', path, { signal, timeoutS: kCheckS, ...body });
     return this.outcome(response.status, await jsonOf(response, `POST ${path}`));
   }
 
@@ -89,7 +91,7 @@ export class PartsTarget implements Target {
   }
 
   private outcome(status: number, answer: unknown): Outcome {
-    if (this.collection_ === 'drives') return { is: 'drive', drive: this.id_ ?? 0 };
+    if (this.collection_ === 'drives') return { is: 'drive', drive: this.id_ ?? 0, needsChoice: status === 202 };
     if (status === 202) return { is: 'job', job: (answer as { id: number }).id };
     return { is: 'version', version: (answer as { version: string }).version, wasThere: status === 200 };
   }

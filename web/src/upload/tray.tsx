@@ -3,7 +3,8 @@ import { Icon } from '../ui/icon.js';
 import { Progress } from '../ui/parts.js';
 import { useStore } from '../state/store.js';
 import { kKindWords } from './kind.js';
-import { dismiss, uploads, type Upload } from './manager.js';
+import { linkTo } from '../state/router.js';
+import { dismiss, needsChoice, uploads, type Upload } from './manager.js';
 import type { TransferView } from './transfer.js';
 
 /** The uploads of this window, shown at its lower edge. */
@@ -45,7 +46,10 @@ function Row({ upload }: { upload: Upload }) {
         </button>
       </div>
       {!isOver && <Progress value={shareOf(view)} label={`Upload of ${plan.chosen.name}`} />}
-      <p class={view.state === 'failed' ? 'fault' : 'quiet'}>{wordsOf(view)}</p>
+      <p class={view.state === 'failed' ? 'fault' : 'quiet'}>
+        {wordsOf(view)}
+        {needsChoice(view.outcome) && <>: <a href={linkTo('maps', [plan.map])}>choose the topics</a> of this recording</>}
+      </p>
     </div>
   );
 }

@@ -5,12 +5,12 @@
 """
 
 from .client import Client
-from .errors import ConnectionLost, DownloadChanged, Problem, StillmapError
+from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem, StillmapError
 from .scan import Pcd, Scan
 from .session import Session, SessionStream
 from .types import (Event, Gnss, MapInfo, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior, Protection,
                     Version)
 
 __all__ = ["Client", "ConnectionLost", "DownloadChanged", "Event", "Gnss", "MapInfo", "MapReference", "MovableBox",
-           "Odometry", "Pcd", "Pose", "PoseAnswer", "Prior", "Problem", "Protection", "Scan", "Session",
+           "NeedsChoice", "Odometry", "Pcd", "Pose", "PoseAnswer", "Prior", "Problem", "Protection", "Scan", "Session",
            "SessionStream", "StillmapError", "Version"]

@@ -15,7 +15,7 @@ from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Seque
 
 from . import events
 from .archive import Archive
-from .errors import ConnectionLost, DownloadChanged, Problem
+from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem
 from .scan import Scan, scan_request
 from .session import Session
 from .transport import Body, Response, Transport, as_object, wait_s
@@ -220,9 +220,12 @@ class Client:
         return self._read(lambda json: list(json["drives"]), "GET", f"/v1/maps/{map}/drives")
 
     def upload_drive(self, map: str, path: Path, *, name: str = "", drive: Optional[int] = None,
-                     part_bytes: int = _PART_BYTES, on_part: Optional[Callable[[int, int], None]] = None) -> int:
+                     part_bytes: int = _PART_BYTES, on_part: Optional[Callable[[int, int], None]] = None,
+                     choice: str = "") -> int:
         """Sends a drive (a folder, or its tar) in parts. @param drive  id of an upload that was cut: parts that
-        are there are not sent again. @param on_part  told how many of how many bytes are there. @return its id."""
+        are there are not sent again. @param on_part  told how many of how many bytes are there.
+        @param choice  of a recording: "cloud=/front&poses=/odom". @return its id.
+        @throws NeedsChoice when a recording leaves a choice: call again with its `drive` and a `choice`."""
         archive = Archive(pathlib.Path(path))
         if drive is None:
             drive = self._read(lambda json: int(json["id"]), "POST", f"/v1/maps/{map}/drives", {"name": name},
@@ -240,9 +243,13 @@ class Client:
                 on_part(offset + size, archive.size)
 
         def look() -> Optional[Dict[str, Any]]:
-            return self._read(lambda json: as_object(json) if json["status"] == "complete" else None, "GET", url)
+            return self._read(lambda json: as_object(json) if json["status"] in ("complete", "needs_choice") else None,
+                              "GET", url)
 
-        self._settled(lambda: self._json("POST", f"{url}/complete", idempotent=False, timeout_s=self._slow_timeout_s), look)
+        done = self._settled(lambda: self._json("POST", f"{url}/complete", {"choice": choice} if choice else None,
+                                                idempotent=False, timeout_s=self._slow_timeout_s), look)
+        if done.get("status") == "needs_choice":
+            raise NeedsChoice(drive, str(done["error"]), [str(each["choice"]) for each in done["inspection"]["choices"]])
         return drive
 
     def delete_drive(self, map: str, drive: int) -> None:

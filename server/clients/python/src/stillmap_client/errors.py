@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Mapping, Optional, Sequence
+from typing import Any, List, Mapping, Optional, Sequence
 
 
 class StillmapError(Exception):
@@ -32,3 +32,11 @@ class Problem(StillmapError):
 
 class DownloadChanged(StillmapError):
     """What lies there already is part of something else, or its digest is wrong."""
+
+
+class NeedsChoice(StillmapError):
+    """A recording of which it must be said what is used. It is kept as `drive`; `choices` are texts for `choice`."""
+
+    def __init__(self, drive: int, detail: str, choices: List[str]) -> None:
+        self.drive, self.choices = drive, choices
+        super().__init__(f"drive {drive}: {detail}; choices are {', '.join(choices)}")
