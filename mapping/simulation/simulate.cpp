@@ -6,7 +6,10 @@
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
+#include <array>
+#include <bit>
 #include <chrono>
+#include <cmath>
 #include <optional>
 #include <set>
 #include <stdexcept>
@@ -69,6 +72,26 @@ std::uint64_t key_for(const SimulationOptions& options, Stream stream) {
       {options.seed, static_cast<std::uint64_t>(options.day), static_cast<std::uint64_t>(stream)});
 }
 
+Eigen::Isometry3d T_usual_lidar_of(const std::array<double, 6>& mount) {
+  return Eigen::Translation3d(mount[0], mount[1], mount[2]) *
+         Eigen::AngleAxisd(kRadPerDeg * mount[5], Eigen::Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(kRadPerDeg * mount[4], Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(kRadPerDeg * mount[3], Eigen::Vector3d::UnitX());
+}
+
+/// A lidar in another place is another one of its kind. 0 in the usual place.
+std::uint64_t unit_of(const std::array<double, 6>& mount) {
+  std::uint64_t unit = 0;
+  for (const double value : mount) {
+    if (value != 0.0 || unit != 0) unit = key_of({unit, std::bit_cast<std::uint64_t>(value)});
+  }
+  return unit;
+}
+
+std::uint64_t key_of_unit(std::uint64_t key, std::uint64_t unit) {
+  return unit == 0 ? key : key_of({key, unit});
+}
+
 }  // namespace
 
 std::vector<std::string> SimulationOptions::violations() const {
@@ -84,6 +107,16 @@ std::vector<std::string> SimulationOptions::violations() const {
   if (day < 0) found.push_back(fmt::format("day: found {}, expected >= 0", day));
   if (parked_share && !(*parked_share >= 0.0 && *parked_share <= 1.0)) {
     found.push_back(fmt::format("parked_share: found {}, expected in [0, 1]", *parked_share));
+  }
+  for (std::size_t i = 0; i < mount.size(); ++i) {
+    const double most = i < 3 ? 5.0 : 180.0;
+    if (!(std::abs(mount[i]) <= most))
+      found.push_back(fmt::format("mount: found {}, expected within {} of 0", mount[i], most));
+  }
+  if (mount != std::array<double, 6>{} && layout != "pcd")
+    found.push_back("mount: found with layout " + layout + ", expected layout pcd");
+  if (!(phase_s >= 0.0 && phase_s <= 0.2)) {
+    found.push_back(fmt::format("phase_s: found {}, expected in [0, 0.2]", phase_s));
   }
   if (scans < 1 || scans > kMaxScans) {
     found.push_back(fmt::format("scans: found {}, expected 1 to {}", scans, kMaxScans));
@@ -132,9 +165,13 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
                                   .reach_m = properties.max_range_m,
                                   .cancel = &cancel});
   T_world_start = world.T_world_start;
-  ego.emplace(world, properties.height_m);
+  ego.emplace(world, properties.height_m, T_usual_lidar_of(options.mount));
+  const std::uint64_t unit = unit_of(options.mount);
   Scanner scanner(world, *ego, *sensor,
-                  {.key = key_for(options, Stream::kRays), .behind = options.truth});
+                  {.key = key_of_unit(key_for(options, Stream::kRays), unit),
+                   .behind = options.truth,
+                   .unit = unit,
+                   .phase_s = options.phase_s});
   SimulationResult result;
   result.world_seconds = seconds_since(start);
   if (progress) progress("world", 1, 1);

@@ -228,6 +228,9 @@ def make_all(put):
     put("rosbag2", "zstd", rosbag2(few, "zstd"))
     put("rosbag2", "cut", rosbag2(few)[:2000])
     put("bag_choice", "words", "cloud=/points&poses=/odom&pose_frame=base_link")
+    put("bag_choice", "lidars", '{"format": "stillmap-lidars", "version": 1, "lidars": [{"drive": "front"}, {"drive": '
+        '"run.mcap?cloud=/rear", "time_offset_s": 0.01, "T_reference_lidar": {"position": [-2, 0, 0.5], "quaternion": '
+        '[0, 0, 1, 0]}}]}')
     put("bag_choice", "words_gnss", "gnss=/fix")
     put("bag_choice", "metadata", "rosbag2_bagfile_information:\n  version: 4\n  relative_file_paths:\n    - run_0.db3\n"
         "    - \"../run_1.db3.zstd\"\n  compression_format: zstd\n")

@@ -48,7 +48,7 @@ class CommandLine(unittest.TestCase):
 
     def test_help_lists_every_command(self):
         text = run("--help").stdout
-        for command in ("build", "rebuild", "import", "export", "simulate", "evaluate", "localize", "serve", "inspect", "store", "keys", "audit"):
+        for command in ("build", "rebuild", "import", "export", "calibrate", "simulate", "evaluate", "localize", "serve", "inspect", "store", "keys", "audit"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
             self.assertEqual(run(command, "--help").returncode, 0, command)
         for what in ("localization", "map", "detector", "odometry", "paper", "paper-odometry"):

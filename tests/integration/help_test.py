@@ -53,7 +53,7 @@ class Help(unittest.TestCase):
 
     def test_lists_every_command(self):
         commands = {" ".join(command) for command in self.helps}
-        for name in ("build", "rebuild", "import", "export", "simulate", "localize", "serve", "inspect", "completion",
+        for name in ("build", "rebuild", "import", "export", "calibrate", "simulate", "localize", "serve", "inspect", "completion",
                      "store list", "store add", "store activate", "store rollback", "store remove", "store verify", "store gc",
                      "store reindex", "store backup", "store restore", "keys create", "keys list", "keys revoke",
                      "audit verify", "audit export", "evaluate localization", "evaluate map", "evaluate detector",

@@ -38,7 +38,7 @@ Eigen::Isometry3d EgoMotion::T_world_lidar(double time_s) const {
       motion.point(time_s), motion.heading_rad(time_s), kWheelbase, kTrack);
   return T_world_base * Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY()) *
          Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX()) *
-         Eigen::Translation3d(0.0, 0.0, height_m_ + heave);
+         Eigen::Translation3d(0.0, 0.0, height_m_ + heave) * T_usual_lidar_;
 }
 
 }  // namespace stillmap::simulation

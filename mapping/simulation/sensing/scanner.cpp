@@ -138,11 +138,14 @@ Scanner::Scanner(const World& world, const EgoMotion& ego, Sensor& sensor,
       sensor_(sensor),
       key_(options.key),
       behind_(options.behind),
+      phase_s_(options.phase_s),
       scene_(world),
       own_vehicle_(world.own_body.postures.front()) {
   const SensorProperties& properties = sensor.properties();
   for (std::size_t ring = 0; ring < std::max<std::size_t>(properties.rings, 1); ++ring) {
-    Random random(key_of({static_cast<std::uint64_t>(Stream::kRays), ring}));
+    const auto stream = static_cast<std::uint64_t>(Stream::kRays);
+    Random random(options.unit == 0 ? key_of({stream, ring})
+                                    : key_of({stream, ring, options.unit}));
     ring_bias_m_.push_back(properties.ring_bias_m * random.normal());
     const bool dull = random.chance(kDullShare);
     ring_gain_.push_back((dull ? kDullGain : 1.0) *
@@ -156,11 +159,12 @@ void Scanner::look_at_own_vehicle(const std::vector<Beam>& beams) {
   own_range_m_.clear();
   Ray ray;
   // Behind the middle, as sensors are mounted over the rear seats.
-  const Eigen::Vector3f sensor(-0.3F, 0.0F, static_cast<float>(sensor_.properties().height_m));
+  const Eigen::Vector3f usual(-0.3F, 0.0F, static_cast<float>(sensor_.properties().height_m));
+  const Eigen::Isometry3f T_usual_lidar = ego_.T_usual_lidar().cast<float>();
   ray.max_range_m = 10.0F;
   for (const Beam& beam : beams) {
-    ray.origin = sensor + beam.origin;
-    ray.direction = beam.direction;
+    ray.origin = usual + T_usual_lidar * beam.origin;
+    ray.direction = T_usual_lidar.linear() * beam.direction;
     const std::optional<Hit> hit = own_vehicle_.cast(ray);
     own_range_m_.push_back(hit ? static_cast<float>(hit->range_m)
                                : std::numeric_limits<float>::infinity());
@@ -171,7 +175,7 @@ SimulatedScan Scanner::take(std::size_t index) {
   const SensorProperties& properties = sensor_.properties();
   const std::vector<Beam>& beams = sensor_.beams(index);
   SimulatedScan scan;
-  scan.stamp_s = properties.period_s * static_cast<double>(index);
+  scan.stamp_s = properties.period_s * static_cast<double>(index) + phase_s_;
   const double half = 0.5 * properties.period_s;
   const SweepPoses poses(ego_, scan.stamp_s, properties.period_s);
   scene_.place_actors(scan.stamp_s - half, scan.stamp_s + half,

@@ -17,6 +17,10 @@ struct ScannerOptions {
   std::uint64_t key = 0;
   /// Also finds out what lies behind objects, which takes time.
   bool behind = false;
+  /// Lasers of another unit have other constant errors; 0 = of the usual one.
+  std::uint64_t unit = 0;
+  /// How much later each scan is taken [s].
+  double phase_s = 0.0;
 };
 
 /// Takes scans: every ray at its own time, from where the sensor is then.
@@ -40,6 +44,7 @@ class Scanner {
   Sensor& sensor_;
   std::uint64_t key_;
   bool behind_;
+  double phase_s_;
   RayScene scene_;
   MeshScene own_vehicle_;
   /// Where each beam meets our own vehicle [m]; infinite where it does not.

@@ -80,9 +80,15 @@ class CellsOfPoints {
     }
   }
 
+  struct Found {
+    std::vector<Eigen::Vector3d> points;
+    /// Where the lidars stand that took them, on the mean [m].
+    Eigen::Vector2d lidar = Eigen::Vector2d::Zero();
+  };
+
   /// Points in the box grown by the reaches, in order of the cells.
-  [[nodiscard]] std::vector<Eigen::Vector3d> points_of(const maps::Box& box) const {
-    std::vector<Eigen::Vector3d> out;
+  [[nodiscard]] Found points_of(const maps::Box& box) const {
+    Found out;
     const Eigen::Vector2d half = 0.5 * box.size_m.head<2>().array() + kReachM;
     const double r = half.norm();
     if (!(box.centre.head<2>().norm() + r < kFarM)) return out;
@@ -96,11 +102,13 @@ class CellsOfPoints {
         for (const std::uint32_t i : *here) {
           const Eigen::Vector3d p = cloud_.positions[i].cast<double>();
           const Eigen::Vector2d d = R_along_frame * (p - box.centre).head<2>();
-          if (p.z() > bottom && p.z() < top && (d.array().abs() < half.array()).all())
-            out.push_back(p);
+          if (!(p.z() > bottom && p.z() < top && (d.array().abs() < half.array()).all())) continue;
+          out.points.push_back(p);
+          out.lidar += cloud_.origin_of(i).head<2>().cast<double>();
         }
       }
     }
+    out.lidar /= static_cast<double>(std::max<std::size_t>(out.points.size(), 1));
     return out;
   }
 
@@ -171,8 +179,9 @@ struct Bounds {
   }
 };
 
-/// The box at a heading, moved as its points ask; frame: the sensor at the origin.
-Placement place(const maps::Box& box, const std::vector<Eigen::Vector3d>& points, double yaw_rad) {
+/// The box at a heading, moved as its points ask.
+Placement place(const maps::Box& box, const CellsOfPoints::Found& found, double yaw_rad) {
+  const std::vector<Eigen::Vector3d>& points = found.points;
   const Eigen::Matrix2d R_along_frame = along_from_frame(yaw_rad);
   std::vector<Eigen::Vector2d> along;
   along.reserve(points.size());
@@ -184,15 +193,16 @@ Placement place(const maps::Box& box, const std::vector<Eigen::Vector3d>& points
   const Eigen::Vector2d half = 0.5 * box.size_m.head<2>();
   const Eigen::Vector2d before = R_along_frame * box.centre.head<2>();
   Eigen::Vector2d centre = before;
+  const Eigen::Vector2d lidar = R_along_frame * found.lidar;
   std::array<bool, 2> seen{};
   Eigen::Vector2d face = Eigen::Vector2d::Zero();
   for (Eigen::Index a = 0; a < 2; ++a) {
     const double low = bounds.low[a], high = bounds.high[a];
     centre[a] = high - low <= 2.0 * half[a] ? std::clamp(centre[a], high - half[a], low + half[a])
                                             : 0.5 * (low + high);
-    if (!(std::abs(centre[a]) > half[a] + kSeenM)) continue;
+    if (!(std::abs(centre[a] - lidar[a]) > half[a] + kSeenM)) continue;
     seen[static_cast<std::size_t>(a)] = true;
-    const double to_sensor = centre[a] > 0.0 ? -1.0 : 1.0;
+    const double to_sensor = centre[a] > lidar[a] ? -1.0 : 1.0;
     const double beyond = centre[a] + to_sensor * half[a] - (to_sensor > 0.0 ? high : low);
     centre[a] -= kPull * beyond;
     face[a] = centre[a] + to_sensor * half[a];
@@ -211,7 +221,7 @@ Placement place(const maps::Box& box, const std::vector<Eigen::Vector3d>& points
   return {yaw_rad, R_along_frame.transpose() * centre, cost};
 }
 
-Placement best_placement(const maps::Box& box, const std::vector<Eigen::Vector3d>& points,
+Placement best_placement(const maps::Box& box, const CellsOfPoints::Found& points,
                          const Headings& headings) {
   Placement best;
   for (const double yaw_rad : headings.choices()) {
@@ -258,12 +268,12 @@ void fit_to_points(std::vector<maps::Box>& boxes, const maps::PointCloud& cloud)
   tbb::parallel_for(std::size_t{0}, boxes.size(), [&](std::size_t i) {
     maps::Box& box = boxes[i];
     if (!is_vehicle(box)) return;
-    const std::vector<Eigen::Vector3d> points = cells.points_of(box);
-    if (points.size() < kFewestPoints) return;
+    const CellsOfPoints::Found points = cells.points_of(box);
+    if (points.points.size() < kFewestPoints) return;
     const Placement placement = best_placement(box, points, Headings(said, i));
     box.centre.head<2>() = placement.centre;
     box.yaw_rad = facing(placement.yaw_rad, box.yaw_rad);
-    enclose(box, cells.points_of(box));
+    enclose(box, cells.points_of(box).points);
   });
 }
 

@@ -30,7 +30,7 @@ ColumnGrid::ColumnGrid(const maps::PointCloud& cloud, const GroundResult& ground
     if (!below) continue;
     const float height_m = p.z() - static_cast<float>(below->z);
     if (!(height_m > kMinHeightM && height_m < kMaxHeightM)) continue;
-    found.push_back({column, {p, height_m}});
+    found.push_back({column, {p, height_m, cloud.origin_of(i).head<2>()}});
     ++starts_[static_cast<std::size_t>(column) + 1];
   }
   for (std::size_t c = 1; c < starts_.size(); ++c) starts_[c] += starts_[c - 1];

@@ -15,6 +15,8 @@ struct RaisedPoint {
   Eigen::Vector3f p_lidar;
   /// Over the ground [m].
   float height_m = 0.0F;
+  /// Of the lidar that took it [m].
+  Eigen::Vector2f lidar = Eigen::Vector2f::Zero();
 };
 
 /// Points above the ground in square columns around the sensor.

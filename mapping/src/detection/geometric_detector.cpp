@@ -3,6 +3,8 @@
 #include "detection/column_grid.hpp"
 #include "detection/rectangle_fit.hpp"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -54,6 +56,8 @@ using Columns = std::vector<std::uint8_t>;
 struct ClusterShape {
   std::vector<RaisedPoint> points;
   Rectangle rectangle;
+  /// Where the lidars stand that took the points, on the mean [m].
+  Eigen::Vector2d lidar = Eigen::Vector2d::Zero();
   double top_m = 0.0;
   double lowest_m = std::numeric_limits<double>::max();
   /// Share of the cluster's columns that touch a tall column.
@@ -129,6 +133,8 @@ ClusterShape shape_of(const Scene& scene, const std::vector<int>& cluster, float
       shape.lowest_m = std::min(shape.lowest_m, static_cast<double>(point.height_m));
     }
   }
+  for (const RaisedPoint& point : shape.points) shape.lidar += point.lidar.cast<double>();
+  shape.lidar /= static_cast<double>(std::max<std::size_t>(shape.points.size(), 1));
   shape.touching_tall = static_cast<double>(touching) / static_cast<double>(cluster.size());
   if (!shape.points.empty()) shape.rectangle = fit_rectangle(outline_points(shape.points));
   return shape;
@@ -159,13 +165,13 @@ bool tall_inside(const Scene& scene, const Rectangle& r) {
   return false;
 }
 
-/// Grows one axis to `full_m`, away from the sensor (which sits at the origin).
-void grow(Rectangle& r, Eigen::Index axis, double full_m) {
+/// Grows one axis to `full_m`, away from the sensor. @param sensor  along the rectangle's axes.
+void grow(Rectangle& r, Eigen::Index axis, double full_m, const Eigen::Vector2d& sensor) {
   const double lacking_m = full_m - (r.max[axis] - r.min[axis]);
   if (lacking_m <= 0.0) return;
-  if (r.min[axis] > 0.0) {
+  if (r.min[axis] > sensor[axis]) {
     r.max[axis] += lacking_m;
-  } else if (r.max[axis] < 0.0) {
+  } else if (r.max[axis] < sensor[axis]) {
     r.min[axis] -= lacking_m;
   } else {
     r.min[axis] -= 0.5 * lacking_m;
@@ -179,15 +185,17 @@ Eigen::Index longer_axis(const Rectangle& r) {
 }
 
 /// Completes the hidden side. @return the axis of the length.
-Eigen::Index complete(const Scene& scene, const ShapeRule& rule, Rectangle& r) {
+Eigen::Index complete(const Scene& scene, const ShapeRule& rule, const Eigen::Vector2d& lidar,
+                      Rectangle& r) {
   const Eigen::Index longer = longer_axis(r);
   // Nothing as long as a car is seen: the wide face is its rear or front, the length lies behind
   // it.
   const bool face_only = rule.object_class == maps::ObjectClass::kCar && r.size().maxCoeff() < 2.4;
   const Eigen::Index length_axis = face_only ? 1 - longer : longer;
+  const Eigen::Vector2d sensor = Eigen::Rotation2Dd(-r.yaw_rad) * lidar;
   Rectangle full = r;
-  grow(full, length_axis, rule.length_m);
-  grow(full, 1 - length_axis, rule.width_m);
+  grow(full, length_axis, rule.length_m, sensor);
+  grow(full, 1 - length_axis, rule.width_m, sensor);
   if (!tall_inside(scene, full)) r = full;
   return length_axis;
 }
@@ -222,7 +230,7 @@ void detect_low(const Scene& scene, std::vector<maps::Box>& boxes) {
     for (const ShapeRule& rule : kLowRules) {
       if (!obeys(shape, rule)) continue;
       Rectangle rectangle = shape.rectangle;
-      const Eigen::Index length_axis = complete(scene, rule, rectangle);
+      const Eigen::Index length_axis = complete(scene, rule, shape.lidar, rectangle);
       boxes.push_back(box_of(shape, rectangle, length_axis, rule));
       break;
     }

@@ -23,7 +23,7 @@ void keep_range(maps::PointCloud& cloud, const std::array<double, 2>& range_m,
   std::uint64_t too_near = 0, too_far = 0;
   std::vector<std::uint8_t> keep(cloud.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const float range2 = cloud.positions[i].squaredNorm();
+    const float range2 = cloud.ray(i).squaredNorm();
     too_near += range2 < near2 ? 1 : 0;
     too_far += range2 > far2 ? 1 : 0;
     keep[i] = range2 >= near2 && range2 <= far2 ? 1 : 0;
@@ -131,6 +131,7 @@ maps::Scan DriveSet::read(std::size_t number, std::map<std::string, std::uint64_
   if (R.w() == 1.0) return scan;
   const Eigen::Matrix3f turn = R.toRotationMatrix().cast<float>();
   for (Eigen::Vector3f& p : scan.cloud.positions) p = turn * p;
+  for (Eigen::Vector3f& origin : scan.cloud.lidar_origins) origin = turn * origin;
   return scan;
 }
 

@@ -41,7 +41,7 @@ int y_of(std::uint64_t key) {
   return static_cast<int>((key >> 30) << 4 | ((key >> 4) & 15U)) - 2 * kMaxGroundCell;
 }
 
-std::vector<LocalCellPoint> cell_points(const std::vector<Eigen::Vector3f>& positions,
+std::vector<LocalCellPoint> cell_points(const maps::PointCloud& cloud,
                                         const std::vector<std::uint8_t>& is_ground,
                                         std::span<const maps::Box> boxes,
                                         const Eigen::Isometry3d& T_local_lidar) {
@@ -51,6 +51,7 @@ std::vector<LocalCellPoint> cell_points(const std::vector<Eigen::Vector3f>& posi
   grown.margin_m = kBoxMarginM;
   const BoxColumns columns(movable, grown);
   std::vector<LocalCellPoint> points;
+  const std::vector<Eigen::Vector3f>& positions = cloud.positions;
   points.reserve(positions.size() / 2);
   for (std::size_t i = 0; i < positions.size(); ++i) {
     if (is_ground[i] == 0) continue;
@@ -58,7 +59,7 @@ std::vector<LocalCellPoint> cell_points(const std::vector<Eigen::Vector3f>& posi
     const int x = ground_cell_of(p.x());
     const int y = ground_cell_of(p.y());
     if (std::abs(x) >= kMaxGroundCell || std::abs(y) >= kMaxGroundCell) continue;
-    const float far2 = kSigmaPerMetre * kSigmaPerMetre * positions[i].squaredNorm();
+    const float far2 = kSigmaPerMetre * kSigmaPerMetre * cloud.ray(i).squaredNorm();
     constexpr float kNear2 = kNearSigmaM * kNearSigmaM;
     points.push_back({cell_key(x, y), static_cast<float>(p.z()),
                       static_cast<float>(p.x() - ground_cell_centre(x)),
@@ -100,16 +101,14 @@ GroundCells::Cell mean_of(std::span<const LocalCellPoint> layer) {
 
 }  // namespace
 
-GroundCells reduce_ground(const std::vector<Eigen::Vector3f>& positions,
-                          const std::vector<std::uint8_t>& is_ground,
+GroundCells reduce_ground(const maps::PointCloud& cloud, const std::vector<std::uint8_t>& is_ground,
                           std::span<const maps::Box> boxes,
                           const Eigen::Isometry3d& T_local_lidar) {
-  if (positions.size() != is_ground.size()) {
-    throw std::invalid_argument(fmt::format("ground flags: {}, expected one a point ({})",
-                                            is_ground.size(), positions.size()));
+  if (cloud.size() != is_ground.size()) {
+    throw std::invalid_argument(
+        fmt::format("ground flags: {}, expected one a point ({})", is_ground.size(), cloud.size()));
   }
-  const std::vector<LocalCellPoint> points =
-      cell_points(positions, is_ground, boxes, T_local_lidar);
+  const std::vector<LocalCellPoint> points = cell_points(cloud, is_ground, boxes, T_local_lidar);
   GroundCells result;
   std::size_t first = 0;
   for (std::size_t i = 1; i <= points.size(); ++i) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/scan.hpp>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -48,12 +49,12 @@ struct GroundCells {
 ///
 /// A point weighs s0^2 / (s0^2 + (s1 r)^2) with s0 = 2 cm and s1 = 0.002: at range r an error of
 /// the pose's or a laser's pitch of 0.1 degrees lifts a point by some 0.002 r.
-/// @param positions  N points, lidar frame [m], all finite.
+/// @param cloud      N points, lidar frame [m], all finite.
 /// @param is_ground  N flags, 1 = ground.
 /// @param boxes      objects found in that scan, lidar frame; may be empty.
 /// @throws std::invalid_argument when the sizes differ.
 /// @note Pure, so safe from several threads. Same input, same bits.
-[[nodiscard]] GroundCells reduce_ground(const std::vector<Eigen::Vector3f>& positions,
+[[nodiscard]] GroundCells reduce_ground(const maps::PointCloud& cloud,
                                         const std::vector<std::uint8_t>& is_ground,
                                         std::span<const maps::Box> boxes,
                                         const Eigen::Isometry3d& T_local_lidar);

@@ -37,7 +37,8 @@ std::vector<std::uint8_t> find_reflected_noise(const maps::PointCloud& cloud,
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const Eigen::Vector3f& p = cloud.positions[i];
     if (!(p.z() < limit + slope.dot(p.head<2>()))) continue;
-    if (!(p.z() < -kSteepness * p.head<2>().norm())) continue;
+    const Eigen::Vector3f ray = cloud.ray(i);
+    if (!(ray.z() < -kSteepness * ray.head<2>().norm())) continue;
     if (noise.empty()) {
       noise.assign(cloud.size(), 0);
       if (has_intensity) weak = median_intensity(cloud);

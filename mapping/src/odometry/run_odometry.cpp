@@ -4,6 +4,7 @@
 #include "odometry/hidden_gaps.hpp"
 
 #include <fmt/format.h>
+#include <stillmap/localization/thinning.hpp>
 
 #include <memory>
 #include <optional>
@@ -36,6 +37,21 @@ maps::Scan without_points(const maps::Scan& scan) {
   empty.stamp_ns = scan.stamp_ns;
   empty.source = scan.source;
   return empty;
+}
+
+/// Methods expect the vehicle near the origin, where the reference stands. Other lidars meet it
+/// farther away. As for one lidar, a quarter of all points is no vehicle.
+maps::Scan without_own_vehicle(maps::Scan scan) {
+  maps::PointCloud& cloud = scan.cloud;
+  if (cloud.lidars.empty()) return scan;
+  std::vector<std::uint8_t> keep(cloud.size());
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    keep[i] = cloud.lidars[i] == 0 || cloud.ray(i).norm() >= localization::kOwnVehicleM ? 1 : 0;
+    kept += keep[i];
+  }
+  if (4 * kept > 3 * cloud.size()) cloud.keep_only(keep);
+  return scan;
 }
 
 /// How a drive starts.
@@ -101,7 +117,7 @@ std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int thread
   const std::unique_ptr<Odometry> odometry = make_odometry(followed.method);
   const auto read_scan = [&](std::size_t i) {
     const std::size_t scan = followed.begin + i;
-    return followed.read ? followed.read(scan) : followed.drive.read(scan);
+    return without_own_vehicle(followed.read ? followed.read(scan) : followed.drive.read(scan));
   };
   if (cancel) throw Cancelled();
   const DriveStart start = start_of(scans, read_scan);

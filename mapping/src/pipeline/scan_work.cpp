@@ -73,7 +73,7 @@ void take_out(const std::vector<bool>& out, maps::Scan& scan) {
 }
 
 void take_out_weather(maps::Scan& scan) {
-  const std::vector<bool> weather = find_weather_returns(scan.cloud.positions);
+  const std::vector<bool> weather = find_weather_of_lidars(scan.cloud);
   if (!weather.empty()) take_out(weather, scan);
 }
 
@@ -214,8 +214,7 @@ void ScanWork::learn(const CancelFlag& cancel) {
       if (is_ground[i] == 0) standing.push_back(scan.cloud.positions[i]);
     }
     samples[drives_.place(number).drive].push_back(
-        {std::move(standing),
-         RangeView(earlier.cloud.positions, ground_->segment(earlier.cloud).is_ground),
+        {std::move(standing), RangeView(earlier.cloud, ground_->segment(earlier.cloud).is_ground),
          drives_.T_map_scan(before).inverse() * drives_.T_map_scan(number)});
   }
   for (const auto& each : samples) vehicles_.emplace_back(each);
@@ -246,7 +245,7 @@ SurveyedScan ScanWork::survey(std::size_t number) const {
   std::vector<bool> unseen(scan.cloud.size());
   {
     const StageTimer timer(out.stage_seconds, "weather");
-    out.weather = find_weather_returns(scan.cloud.positions);
+    out.weather = find_weather_of_lidars(scan.cloud);
     if (!out.weather.empty()) unseen = out.weather;
     const OwnVehicle* vehicle = vehicle_of(number);
     for (std::size_t i = 0; vehicle != nullptr && i < unseen.size(); ++i)
@@ -271,7 +270,7 @@ SurveyedScan ScanWork::survey(std::size_t number) const {
   {
     const StageTimer timer(out.stage_seconds, "fuse ground");
     out.ground_cells =
-        reduce_ground(scan.cloud.positions, ground.is_ground, out.boxes, T_local_lidar(number));
+        reduce_ground(scan.cloud, ground.is_ground, out.boxes, T_local_lidar(number));
   }
   // Only what goes by shapes in single scans is judged by them, see `fuse_objects`.
   if (ground.surface && options_.detector == kGeometricDetector) {
@@ -280,7 +279,7 @@ SurveyedScan ScanWork::survey(std::size_t number) const {
                                      T_local_lidar(number));
   }
   const StageTimer timer(out.stage_seconds, "view");
-  out.view.emplace(scan.cloud.positions, ground.is_ground);
+  out.view.emplace(scan.cloud, ground.is_ground);
   return out;
 }
 

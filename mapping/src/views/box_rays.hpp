@@ -19,6 +19,13 @@ struct BoxRays {
   std::size_t through = 0;
   /// Ended before it: the box could not be seen there.
   std::size_t before = 0;
+
+  BoxRays& operator+=(const BoxRays& other) {
+    inside += other.inside;
+    through += other.through;
+    before += other.before;
+    return *this;
+  }
 };
 
 /// @param scan  ordinal of a scan. @param box  in that scan's lidar frame. Safe from several

@@ -36,8 +36,20 @@ constexpr float kMostDoubtM = 2.0F;
 constexpr float kBeyondM = 0.3F;
 constexpr float kBeyondPerM = 0.01F;
 
+/// Nearer than this to a lidar that is not the reference, it meets its own vehicle [m].
+constexpr float kOwnVehicleM = 2.0F;
+
 std::uint16_t quantized(float range_m, float quantum_m) {
   return static_cast<std::uint16_t>(std::clamp(range_m / quantum_m, 1.0F, 65534.0F));
+}
+
+/// What two lidars say at one moment. What one of them met is there, whatever the other says.
+Look both(const Look& a, const Look& b) {
+  for (const Sight sight : {Sight::kHit, Sight::kMixed}) {
+    if (a.sight == sight || b.sight == sight) return {sight};
+  }
+  // `rays` is 0 unless it is free.
+  return {std::max(a.sight, b.sight), a.rays + b.rays};
 }
 
 /// Columns and rows that a cone touches; columns still unwrapped, rows within the view.
@@ -100,6 +112,27 @@ RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
   }
 }
 
+RangeView::RangeView(const maps::PointCloud& cloud, std::span<const std::uint8_t> is_ground) {
+  if (cloud.lidars.empty()) {
+    *this = RangeView(std::span(cloud.positions), is_ground);
+    return;
+  }
+  if (!is_ground.empty() && is_ground.size() != cloud.size())
+    throw std::invalid_argument("is_ground: expected one flag a point or none");
+  for (std::size_t lidar = 0; lidar < cloud.lidar_origins.size(); ++lidar) {
+    std::vector<std::uint8_t> flags;
+    for (std::size_t i = 0; i < is_ground.size(); ++i) {
+      if (cloud.lidars[i] == lidar) flags.push_back(is_ground[i]);
+    }
+    RangeView view(cloud.of_lidar(lidar).positions, flags);
+    view.origin_ = cloud.lidar_origins[lidar];
+    if (lidar == 0)
+      *this = std::move(view);
+    else
+      others_.push_back(std::move(view));
+  }
+}
+
 bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m, float doubt_m) const {
   const float range_m = p.norm();
   const float wander_m = std::max(kWanderM, kDoubts * doubt_m);
@@ -117,7 +150,7 @@ bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m, float doubt_m
   return false;
 }
 
-Look RangeView::look(const Eigen::Vector3f& p, float radius_m, float doubt_m) const {
+Look RangeView::own_look(const Eigen::Vector3f& p, float radius_m, float doubt_m) const {
   const float range_m = p.norm();
   if (!(range_m > radius_m)) return {};
   const float beyond_m = kBeyondM + kBeyondPerM * range_m;
@@ -153,6 +186,16 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m, float doubt_m) co
   // Says nothing either way: against the cell it would shield all that moves along a wall.
   if (any_near(p, radius_m, doubt_m)) return {};
   return {Sight::kFree, rays};
+}
+
+Look RangeView::look(const Eigen::Vector3f& p, float radius_m, float doubt_m) const {
+  Look all = own_look(p - origin_, radius_m, doubt_m);
+  for (const RangeView& other : others_) {
+    const Eigen::Vector3f ray = p - other.origin_;
+    if (!(ray.norm() > kOwnVehicleM)) continue;
+    all = both(all, other.own_look(ray, radius_m, doubt_m));
+  }
+  return all;
 }
 
 // --- what a box hides and what passes through it
@@ -298,7 +341,15 @@ Extent extent_of(const maps::Box& box) {
 }  // namespace
 
 BoxRays RangeView::count(const maps::Box& box) const {
+  BoxRays rays = own_count(box);
+  for (const RangeView& other : others_) rays += other.own_count(box);
+  return rays;
+}
+
+BoxRays RangeView::own_count(const maps::Box& box_in_frame) const {
   BoxRays rays;
+  maps::Box box = box_in_frame;
+  box.centre -= origin_.cast<double>();
   if (!(box.centre.allFinite() && box.size_m.allFinite() && std::isfinite(box.yaw_rad) &&
         box.size_m.minCoeff() > 0.0))
     return rays;
@@ -332,7 +383,7 @@ namespace {
 /// What a bin holds, two bits each: most have one range, so that a view takes half the space.
 enum : unsigned { kEmpty = 0, kGroundOnly = 1, kOneSurface = 2, kTwoRanges = 3 };
 
-constexpr std::size_t kHeaderBytes = 4;
+constexpr std::size_t kHeaderBytes = sizeof(Eigen::Vector3f) + 4;
 constexpr std::size_t kKindBytesPerRow = ViewGrid::kColumns / 4;
 
 void put(std::string& bytes, std::uint16_t value) {
@@ -347,10 +398,19 @@ std::uint16_t get(std::string_view bytes, std::size_t at) {
 
 }  // namespace
 
-// first row, rows; a row each: its kinds (all zero for an empty row); then the ranges in order.
+// A lidar each: its place; first row, rows; a row each: its kinds (all zero for an empty row); then
+// the ranges in order.
 std::string RangeView::to_bytes() const {
+  std::string bytes;
+  add_bytes(bytes);
+  for (const RangeView& other : others_) other.add_bytes(bytes);
+  return bytes;
+}
+
+void RangeView::add_bytes(std::string& all) const {
   const std::size_t rows = bins_.size() / ViewGrid::kColumns;
-  std::string bytes, ranges;
+  std::string bytes(sizeof origin_, '\0'), ranges;
+  std::memcpy(bytes.data(), origin_.data(), sizeof origin_);
   put(bytes, static_cast<std::uint16_t>(first_row_));
   put(bytes, static_cast<std::uint16_t>(rows));
   bytes.resize(kHeaderBytes + rows * kKindBytesPerRow);
@@ -365,15 +425,26 @@ std::string RangeView::to_bytes() const {
     if (kind == kTwoRanges) put(ranges, b.nearest);
     if (kind != kEmpty) put(ranges, b.farthest);
   }
-  return bytes + ranges;
+  all += bytes;
+  all += ranges;
 }
 
 RangeView RangeView::from_bytes(std::string_view bytes) {
-  if (bytes.size() < kHeaderBytes) throw std::invalid_argument("range view: shorter than its head");
+  std::size_t at = 0;
+  RangeView view = one_from_bytes(bytes, at);
+  while (at < bytes.size()) view.others_.push_back(one_from_bytes(bytes, at));
+  return view;
+}
+
+RangeView RangeView::one_from_bytes(std::string_view bytes, std::size_t& at) {
+  const std::size_t begin = at + sizeof origin_;
+  if (bytes.size() < begin + 4) throw std::invalid_argument("range view: shorter than its head");
   RangeView view;
-  view.first_row_ = get(bytes, 0);
-  const std::size_t rows = get(bytes, 2);
-  std::size_t at = kHeaderBytes + rows * kKindBytesPerRow;
+  std::memcpy(view.origin_.data(), bytes.data() + at, sizeof origin_);
+  view.first_row_ = get(bytes, begin);
+  const std::size_t rows = get(bytes, begin + 2);
+  const std::size_t kinds = begin + 4;
+  at = kinds + rows * kKindBytesPerRow;
   if (static_cast<std::size_t>(view.first_row_) + rows > ViewGrid::kRows || at > bytes.size())
     throw std::invalid_argument("range view: more rows than bytes");
   view.bins_.resize(rows * ViewGrid::kColumns);
@@ -383,7 +454,7 @@ RangeView RangeView::from_bytes(std::string_view bytes) {
     return get(bytes, at - 2);
   };
   for (std::size_t i = 0; i < view.bins_.size(); ++i) {
-    const auto packed = static_cast<unsigned char>(bytes[kHeaderBytes + i / 4]);
+    const auto packed = static_cast<unsigned char>(bytes[kinds + i / 4]);
     const unsigned kind = (packed >> (2U * (i % 4))) & 3U;
     if (kind == kEmpty) continue;
     Bin& b = view.bins_[i];
@@ -391,7 +462,6 @@ RangeView RangeView::from_bytes(std::string_view bytes) {
     b.farthest = next();
     if (kind == kOneSurface) b.nearest = b.farthest;
   }
-  if (at != bytes.size()) throw std::invalid_argument("range view: bytes left over");
   return view;
 }
 

@@ -4,6 +4,7 @@
 #include "views/view_grid.hpp"
 
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/scan.hpp>
 
 #include <Eigen/Core>
 
@@ -42,12 +43,15 @@ struct Look {
 /// A direction without a return says nothing: neither sky, nor a black car, nor the own vehicle is
 /// told from free space. Ground is kept apart from the rest, since a return from the ground before
 /// or under a cell does not speak for something in the cell.
-/// Immutable; safe from several threads.
+/// A scan of several lidars has directions and ranges of each, from where it stands; what all of
+/// them say together counts as one look. Immutable; safe from several threads.
 class RangeView {
  public:
   /// @param positions  N points in the lidar frame [m], deskewed to one instant, finite.
   /// @param is_ground  N flags, 1 = ground; or empty when unknown.
   RangeView(std::span<const Eigen::Vector3f> positions, std::span<const std::uint8_t> is_ground);
+  /// As seen by each of the lidars that took the points.
+  RangeView(const maps::PointCloud& cloud, std::span<const std::uint8_t> is_ground);
 
   /// @param p          lidar frame [m].
   /// @param radius_m   of the cell around it, > 0.
@@ -85,6 +89,12 @@ class RangeView {
   static constexpr float kQuantumM = 0.01F;
 
   RangeView() = default;
+  /// As the public ones, of this lidar alone.
+  [[nodiscard]] Look own_look(const Eigen::Vector3f& p, float radius_m, float doubt_m) const;
+  [[nodiscard]] BoxRays own_count(const maps::Box& box) const;
+  void add_bytes(std::string& bytes) const;
+  /// @param at  where the bytes of one lidar begin; where they end, afterwards.
+  [[nodiscard]] static RangeView one_from_bytes(std::string_view bytes, std::size_t& at);
   /// Whether a return from anything but the ground lies within some decimetres of a cell.
   [[nodiscard]] bool any_near(const Eigen::Vector3f& p, float radius_m, float doubt_m) const;
   [[nodiscard]] const Bin& bin(int row, int column) const {
@@ -98,6 +108,10 @@ class RangeView {
   /// Rows from the lowest to the highest with a return, all columns each.
   std::vector<Bin> bins_;
   int first_row_ = 0;
+  /// Of the lidar in the frame of the points [m].
+  Eigen::Vector3f origin_ = Eigen::Vector3f::Zero();
+  /// The views of the other lidars, each with none of its own.
+  std::vector<RangeView> others_;
 };
 
 }  // namespace stillmap::mapping

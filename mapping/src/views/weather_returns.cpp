@@ -110,4 +110,19 @@ std::vector<bool> find_weather_returns(std::span<const Eigen::Vector3f> position
   return flags;
 }
 
+std::vector<bool> find_weather_of_lidars(const maps::PointCloud& cloud) {
+  if (cloud.lidars.empty()) return find_weather_returns(cloud.positions);
+  std::vector<bool> all;
+  for (std::size_t lidar = 0; lidar < cloud.lidar_origins.size(); ++lidar) {
+    const std::vector<bool> weather = find_weather_returns(cloud.of_lidar(lidar).positions);
+    if (weather.empty()) continue;
+    all.resize(cloud.size());
+    auto next = weather.begin();
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      if (cloud.lidars[i] == lidar) all[i] = *next++;
+    }
+  }
+  return all;
+}
+
 }  // namespace stillmap::mapping

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <stillmap/maps/scan.hpp>
+
 #include <Eigen/Core>
 
 #include <span>
@@ -23,5 +25,7 @@ namespace stillmap::mapping {
 /// 2018 (few neighbours within a radius that grows with range). We ask for returns beyond as well,
 /// since the sparse returns of a far or slanted surface have few neighbours.
 [[nodiscard]] std::vector<bool> find_weather_returns(std::span<const Eigen::Vector3f> positions);
+/// The same for each of the lidars that took the points, from where it stands.
+[[nodiscard]] std::vector<bool> find_weather_of_lidars(const maps::PointCloud& cloud);
 
 }  // namespace stillmap::mapping

@@ -11,8 +11,8 @@ namespace stillmap::maps {
 namespace {
 
 constexpr std::string_view kExpected =
-    "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME, gnss=TOPIC, stamps=recorded or "
-    "calibration=FILE";
+    "cloud=TOPIC (or TOPIC,TOPIC for several lidars), poses=TOPIC, pose_frame=FRAME, gnss=TOPIC, "
+    "stamps=recorded or calibration=FILE";
 
 std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
   if (word == "cloud") return &choice.cloud;

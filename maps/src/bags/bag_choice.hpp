@@ -9,7 +9,7 @@ namespace stillmap::maps {
 
 /// What to take of a bag where there is more than one choice.
 struct BagChoice {
-  /// Topic of clouds.
+  /// Topic of clouds, or several parted by commas: lidars as one, the reference first.
   std::optional<std::string> cloud;
   /// Topic of Odometry, PoseStamped or TFMessage; "none" for no poses.
   std::optional<std::string> poses;

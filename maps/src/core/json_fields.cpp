@@ -4,6 +4,7 @@
 #include <stillmap/maps/text.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <set>
 
@@ -176,6 +177,27 @@ Eigen::Vector3d JsonField::vector3(double low, double high) const {
   for (std::size_t i = 0; i < 3; ++i)
     vector[static_cast<Eigen::Index>(i)] = element(i).number(low, high);
   return vector;
+}
+
+nlohmann::json transform_json(const Eigen::Isometry3d& T) {
+  const Eigen::Vector3d p = T.translation();
+  const Eigen::Quaterniond q(T.linear());
+  return {{"position", {p.x(), p.y(), p.z()}}, {"quaternion", {q.x(), q.y(), q.z(), q.w()}}};
+}
+
+Eigen::Isometry3d JsonField::transform() const {
+  // What a quaternion written by hand with 3 decimals can be off.
+  constexpr double kMaxOffUnit = 1e-3;
+  std::vector<double> q;
+  const JsonField quaternion = at("quaternion");
+  quaternion.each([&](const JsonField& value) { q.push_back(value.number()); });
+  if (q.size() != 4) quaternion.refuse("four numbers x y z w");
+  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
+  if (!(std::abs(rotation.norm() - 1.0) <= kMaxOffUnit)) quaternion.refuse("norm 1");
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = rotation.normalized().toRotationMatrix();
+  T.translation() = at("position").vector3();
+  return T;
 }
 
 }  // namespace stillmap::maps

@@ -34,6 +34,20 @@ void PointCloud::keep_only(const std::vector<std::uint8_t>& keep) {
   compact(intensities, keep);
   compact(time_offsets_s, keep);
   compact(file_indices, keep);
+  compact(lidars, keep);
+}
+
+PointCloud PointCloud::of_lidar(std::size_t lidar) const {
+  PointCloud cloud = *this;
+  std::vector<std::uint8_t> keep(size());
+  for (std::size_t i = 0; i < size(); ++i) {
+    keep[i] = lidars[i] == lidar ? 1 : 0;
+    cloud.positions[i] = ray(i);
+  }
+  cloud.keep_only(keep);
+  cloud.lidars.clear();
+  cloud.lidar_origins.clear();
+  return cloud;
 }
 
 }  // namespace stillmap::maps

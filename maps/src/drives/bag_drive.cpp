@@ -21,6 +21,7 @@
 #include "bags/ros_messages.hpp"
 #include "bags/unpacked_bag.hpp"
 #include "drives/bag_files.hpp"
+#include "drives/joined_lidars.hpp"
 #include "drives/layout.hpp"
 #include "drives/pose_gaps.hpp"
 
@@ -31,7 +32,7 @@ namespace fs = std::filesystem;
 
 /// What reads the scans when they are asked for.
 struct BagScans {
-  Bags bags;
+  std::shared_ptr<const Bags> bags;
   std::string topic;
   const CloudType* type = nullptr;
   /// Of the calibration that was chosen; empty without.
@@ -60,13 +61,14 @@ struct BagScans {
                                                               const Decode& decode) const {
     const CloudEntry& cloud = clouds.at(number);
     const FileBytes message = bytes(number);
-    MessageReader reader(message.span(), cloud.serialization,
-                         fmt::format("{} {} {}", bags[cloud.bag]->file().string(), topic, number));
+    MessageReader reader(
+        message.span(), cloud.serialization,
+        fmt::format("{} {} {}", bags->at(cloud.bag)->file().string(), topic, number));
     return decode(reader);
   }
   [[nodiscard]] FileBytes bytes(std::size_t number) const {
     const CloudEntry& cloud = clouds.at(number);
-    return bags[cloud.bag]->read(cloud.place);
+    return bags->at(cloud.bag)->read(cloud.place);
   }
 };
 
@@ -91,18 +93,20 @@ std::string unreadable_text(const std::string& topic, const TopicSurvey& known) 
 }
 
 /// The one topic of clouds, or the one that was chosen.
-const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
+const std::string& cloud_topic(const BagSurvey& survey, const std::optional<std::string>& chosen,
                                const std::string& name) {
   const std::string* found = nullptr;
   for (const auto& [topic, known] : survey.topics) {
-    if (known.clouds.empty() || (choice.cloud && *choice.cloud != topic)) continue;
+    if (known.clouds.empty() || (chosen && *chosen != topic)) continue;
     if (found != nullptr)
       throw InputError(name, "clouds on " + listed(survey, true),
-                       fmt::format("one topic, chosen as in '{}?cloud={}'", name, *found));
+                       fmt::format("one topic, chosen as in '{0}?cloud={1}', or several lidars as "
+                                   "one, '{0}?cloud={1},{2}'",
+                                   name, *found, topic));
     found = &topic;
   }
   if (found != nullptr) return *found;
-  std::string text = choice.cloud ? "no clouds on " + *choice.cloud : "no clouds";
+  std::string text = chosen ? "no clouds on " + *chosen : "no clouds";
   text += "; topics are " + listed(survey, false);
   for (const auto& [topic, known] : survey.topics)
     if (cloud_type(known.type) != nullptr && known.unreadable > 0)
@@ -116,7 +120,7 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
 
 void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {
   const TopicSurvey& topic = survey.topics.at(scans.topic);
-  for (const auto& bag : scans.bags)
+  for (const auto& bag : *scans.bags)
     contents.notes.insert(contents.notes.end(), bag->notes().begin(), bag->notes().end());
   if (survey.damage.parts > 0)
     contents.notes.push_back(
@@ -136,7 +140,7 @@ void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>&
                bool takes_recorded) {
   for (std::size_t i = 0; i < scans->clouds.size(); ++i) {
     const CloudEntry& cloud = scans->clouds[i];
-    contents.scan_files.push_back(scans->bags[cloud.bag]->file());
+    contents.scan_files.push_back(scans->bags->at(cloud.bag)->file());
     contents.stamps_ns.push_back(takes_recorded ? cloud.recorded_ns : cloud.stamp_ns);
     contents.entries.numbers.push_back(i);
   }
@@ -220,6 +224,41 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
       set_position_step(contents, factor.moving);
 }
 
+/// The topics of `cloud=/front,/rear`; none without commas.
+std::vector<std::string> chosen_clouds(const BagChoice& choice) {
+  std::vector<std::string> topics;
+  if (!choice.cloud || choice.cloud->find(',') == std::string::npos) return topics;
+  std::string_view rest = *choice.cloud;
+  while (true) {
+    const std::size_t end = rest.find(',');
+    topics.emplace_back(rest.substr(0, end));
+    if (end == std::string_view::npos) return topics;
+    rest.remove_prefix(end + 1);
+  }
+}
+
+/// Takes the clouds of a topic out of the survey.
+std::shared_ptr<const BagScans> scans_on_topic(const std::shared_ptr<const Bags>& bags,
+                                               BagSurvey& survey,
+                                               const std::optional<std::string>& chosen,
+                                               const std::string& name,
+                                               const std::vector<VelodyneLaser>& lasers) {
+  auto scans = std::make_shared<BagScans>();
+  scans->bags = bags;
+  scans->lasers = lasers;
+  scans->topic = cloud_topic(survey, chosen, name);
+  TopicSurvey& clouds = survey.topics.at(scans->topic);
+  scans->clouds = std::exchange(clouds.clouds, {});
+  scans->type = cloud_type(clouds.type);
+  if (clouds.frames.size() != 1)
+    throw InputError(name,
+                     fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],
+                                 clouds.frames[1]),
+                     "one frame: choose another topic with cloud=TOPIC, or record each frame on a "
+                     "topic of its own");
+  return scans;
+}
+
 DriveLayout layout_of(BagFormat format) {
   switch (format) {
     case BagFormat::kMcap:
@@ -261,39 +300,71 @@ std::vector<RecordingTopic> topics_to_choose(const BagSurvey& survey) {
   return topics;
 }
 
-/// @param found  its clouds are taken out of it. @param scans  with its bags alone.
-Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
-                                  const PosesChoice& choice_of_poses, BagSurvey& found,
-                                  const std::shared_ptr<BagScans>& scans) {
-  const std::string name = root.string();
-  scans->topic = cloud_topic(found, choice, name);
-  TopicSurvey& clouds = found.topics.at(scans->topic);
-  scans->clouds = std::move(clouds.clouds);
-  scans->type = cloud_type(clouds.type);
-  if (choice.calibration) scans->lasers = read_velodyne_calibration(*choice.calibration);
-  if (clouds.frames.size() != 1)
-    throw InputError(name,
-                     fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],
-                                 clouds.frames[1]),
-                     "one frame: choose another topic with cloud=TOPIC, or record each frame on a "
-                     "topic of its own");
+Drive::Contents contents_of(const fs::path& root, const std::shared_ptr<const BagScans>& scans,
+                            const BagSurvey& survey, bool takes_recorded) {
   Drive::Contents contents;
   contents.root = root;
-  contents.layout = layout_of(scans->bags.front()->format());
-  set_notes(contents, *scans, found);
-  set_scans(contents, scans, choice.takes_recorded_stamps());
-  contents.entries.frame_id = clouds.frames.front();
+  contents.layout = layout_of(scans->bags->front()->format());
+  set_notes(contents, *scans, survey);
+  set_scans(contents, scans, takes_recorded);
+  contents.entries.frame_id = survey.topics.at(scans->topic).frames.front();
+  return contents;
+}
+
+/// Placed by tf_static. @param reference  the drive of the first lidar.
+BesideLidar lidar_beside(const Drive::Contents& reference,
+                         const std::shared_ptr<const BagScans>& scans, const BagSurvey& survey,
+                         bool takes_recorded) {
+  Drive::Contents contents = contents_of(reference.root, scans, survey, takes_recorded);
+  // What is said of the bag as a whole was said with the reference.
+  contents.notes.clear();
+  leave_out_unordered(contents);
+  const std::string& to = reference.entries.frame_id;
+  const std::string& from = contents.entries.frame_id;
+  const std::string bag = reference.root.string();
+  std::optional<Eigen::Isometry3d> T_reference_lidar = Eigen::Isometry3d::Identity();
+  if (to != from) T_reference_lidar = survey.tree.T_between(to, from);
+  if (!T_reference_lidar)
+    throw InputError(
+        bag, fmt::format("no transform from '{}' to '{}' on /tf_static", from, to),
+        fmt::format("one for each lidar: find it with stillmap calibrate '{0}?cloud={1}' "
+                    "'{0}?cloud={2}' -o lidars.json in the bag's folder, and give that folder",
+                    bag, reference.entries.topic, scans->topic));
+  if (to == from)
+    contents.notes.push_back(
+        "its clouds are in the reference's frame: where it stands is not "
+        "known, so its rays begin at the reference");
+  return {Drive(std::move(contents)), scans->topic, *T_reference_lidar, 0};
+}
+
+/// @param found  of the bags; its clouds are taken out of it.
+Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
+                                  const PosesChoice& choice_of_poses, BagSurvey& found,
+                                  const std::shared_ptr<const Bags>& bags) {
+  const std::string name = root.string();
+  std::vector<VelodyneLaser> lasers;
+  if (choice.calibration) lasers = read_velodyne_calibration(*choice.calibration);
+  const bool takes_recorded = choice.takes_recorded_stamps();
+  const std::vector<std::string> topics = chosen_clouds(choice);
+  const auto scans =
+      scans_on_topic(bags, found, topics.empty() ? choice.cloud : topics.front(), name, lasers);
+  Drive::Contents contents = contents_of(root, scans, found, takes_recorded);
   if (choice_of_poses.file) {
     set_poses(contents, *choice_of_poses.file, choice_of_poses.offset_ns);
-  } else if (const auto poses = find_poses({scans->bags, found, choice, clouds.frames.front(),
+  } else if (const auto poses = find_poses({*bags, found, choice, contents.entries.frame_id,
                                             taken_at(contents, choice_of_poses.offset_ns), name},
                                            contents.notes)) {
     set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
     contents.poses_have_stamps = true;
   }
   leave_out_unordered(contents);
-  place_by_gnss(contents, scans->bags, found, choice, name);
-  return contents;
+  place_by_gnss(contents, *bags, found, choice, name);
+  if (topics.size() < 2) return contents;
+  std::vector<BesideLidar> others;
+  for (auto topic = topics.begin() + 1; topic != topics.end(); ++topic)
+    others.push_back(lidar_beside(contents, scans_on_topic(bags, found, *topic, name, lasers),
+                                  found, takes_recorded));
+  return joined_lidars(Drive(std::move(contents)), scans->topic, std::move(others));
 }
 
 }  // namespace
@@ -307,13 +378,13 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
                                const PosesChoice& choice_of_poses) {
   BagChoice choice = parse_bag_choice(words, root.string());
   if (fs::is_directory(root)) choice = with_choice_of_folder(std::move(choice), root);
-  auto scans = std::make_shared<BagScans>();
-  for (const fs::path& file : bag_files(root)) scans->bags.push_back(open_bag(file));
-  BagSurvey found = survey(scans->bags);
+  const auto bags = std::make_shared<Bags>();
+  for (const fs::path& file : bag_files(root)) bags->push_back(open_bag(file));
+  BagSurvey found = survey(*bags);
   std::vector<RecordingTopic> topics = topics_to_choose(found);
   const bool has_choice = topics.size() > 1 && topics.front().word == "cloud";
   try {
-    return open_surveyed_bag(root, choice, choice_of_poses, found, scans);
+    return open_surveyed_bag(root, choice, choice_of_poses, found, bags);
   } catch (const InputError& error) {
     // Poses and GNSS can be left out.
     if (has_choice) throw ChoiceError(error, std::move(topics));

@@ -13,6 +13,7 @@
 
 #include "drives/address.hpp"
 #include "drives/bag_drive.hpp"
+#include "drives/joined_lidars.hpp"
 #include "drives/keyframes.hpp"
 #include "drives/kitti_odometry.hpp"
 #include "drives/kitti_raw.hpp"
@@ -85,6 +86,11 @@ Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
   const std::filesystem::path& place = address.place;
   const std::string& words = address.words;
   if (std::filesystem::is_directory(place)) {
+    if (is_lidar_set(place)) {
+      if (words.empty()) return open_lidar_set(place, poses);
+      throw InputError(place.string(), "'?" + words + "' behind a drive of several lidars",
+                       "its folder alone: write it behind the drive's name in lidars.json");
+    }
     const LayoutReader reader = reader_for(place);
     if (reader.open != nullptr && !words.empty())
       throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
@@ -163,6 +169,9 @@ Drive Drive::open(const std::filesystem::path& root,
   const Address address = address_of(root);
   Contents contents = open_place(address, {poses_file, pose_offset_ns});
   set_bin_columns(contents, address.columns);
+  if (!contents.lidars.empty() && !address.sensor.empty())
+    throw InputError(root.string(), "'sensor=" + address.sensor + "' for several lidars",
+                     "a sensor for each: write ?sensor=NAME behind each drive in lidars.json");
   if (pose_offset_ns != 0 && !contents.poses_have_stamps && !contents.T_map_lidar.empty())
     shift_poses_of_scans(contents, pose_offset_ns);
   Drive drive(std::move(contents));
@@ -176,7 +185,8 @@ bool Drive::is_at(const std::filesystem::path& root) {
 
 bool Drive::is_in(const std::filesystem::path& folder) {
   const auto recognises = [&](const LayoutReader& reader) { return reader.recognises(folder); };
-  return std::any_of(kNamedLayouts.begin(), kNamedLayouts.end(), recognises) ||
+  return is_lidar_set(folder) ||
+         std::any_of(kNamedLayouts.begin(), kNamedLayouts.end(), recognises) ||
          is_scan_folder(folder);
 }
 

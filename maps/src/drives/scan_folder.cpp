@@ -124,7 +124,8 @@ Drive::Contents open_scan_folder(const fs::path& root, const PosesChoice& choice
     for (const fs::path& folder : folders) found += ' ' + folder.filename().string() + '/';
     throw InputError(
         root.string(), folders.empty() ? "no scans" : "scans in" + found,
-        "scans in the folder itself or in one folder of it: give the folder that holds them");
+        "scans in the folder itself or in one folder of it: give the folder that holds them, or "
+        "for several lidars write lidars.json with stillmap calibrate");
   }
   Drive::Contents contents;
   contents.layout = DriveLayout::kScanFolder;

@@ -62,31 +62,10 @@ GeodeticOrigin geodetic_from(const JsonField& field) {
           field.at("longitude_deg").number(-180.0, 180.0), field.at("altitude_m").number()};
 }
 
-json to_json(const Eigen::Isometry3d& T) {
-  const Eigen::Vector3d p = T.translation();
-  const Eigen::Quaterniond q(T.linear());
-  return {{"position", {p.x(), p.y(), p.z()}}, {"quaternion", {q.x(), q.y(), q.z(), q.w()}}};
-}
-
-Eigen::Isometry3d transform_from(const JsonField& field) {
-  // What a quaternion written by hand with 3 decimals can be off.
-  constexpr double kMaxOffUnit = 1e-3;
-  std::vector<double> q;
-  const JsonField quaternion = field.at("quaternion");
-  quaternion.each([&](const JsonField& value) { q.push_back(value.number()); });
-  if (q.size() != 4) quaternion.refuse("four numbers x y z w");
-  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
-  if (!(std::abs(rotation.norm() - 1.0) <= kMaxOffUnit)) quaternion.refuse("norm 1");
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = rotation.normalized().toRotationMatrix();
-  T.translation() = field.at("position").vector3();
-  return T;
-}
-
 json to_json(const Registration& registration) {
   return {{"previous_digest", registration.previous_digest},
-          {"T_previous_map", to_json(registration.T_previous_map)},
-          {"T_map_poses", to_json(registration.T_map_poses)},
+          {"T_previous_map", transform_json(registration.T_previous_map)},
+          {"T_map_poses", transform_json(registration.T_map_poses)},
           {"residual_m", registration.residual_m},
           {"residual_rad", registration.residual_rad},
           {"scans_used", registration.scans_used},
@@ -105,8 +84,8 @@ Registration registration_from(const JsonField& field) {
   registration.previous_digest = field.at("previous_digest").text();
   if (!is_sha256(registration.previous_digest))
     field.at("previous_digest").refuse("64 lower-case hex digits");
-  registration.T_previous_map = transform_from(field.at("T_previous_map"));
-  registration.T_map_poses = transform_from(field.at("T_map_poses"));
+  registration.T_previous_map = field.at("T_previous_map").transform();
+  registration.T_map_poses = field.at("T_map_poses").transform();
   registration.residual_m = field.at("residual_m").number(0.0, kMost);
   registration.residual_rad = field.at("residual_rad").number(0.0, kMost);
   registration.scans_used = field.at("scans_used").count();

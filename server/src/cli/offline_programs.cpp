@@ -30,11 +30,12 @@ constexpr const char* kMapper = "stillmap-mapper";
 constexpr const char* kEvaluate = "stillmap-evaluate";
 /// For this program alone: has no description and no place in the help.
 constexpr std::string_view kCheckPoses = "check-poses";
-constexpr std::array<OfflineCommand, 7> kOfflineCommands = {{
+constexpr std::array<OfflineCommand, 8> kOfflineCommands = {{
     {"build", "Build a map package from drives", kMapper},
     {"rebuild", "Build a new version of a map and judge it against the active one", kMapper},
     {"import", "Make a map package from a point cloud map (PCD, PLY, LAS)", kMapper},
     {"export", "Write a map in a format of other programs", kMapper},
+    {"calibrate", "Find how the lidars of a vehicle stand to each other", kMapper},
     {"simulate", "Simulate a drive, with the ground truth beside it", kMapper},
     {kCheckPoses, "", kMapper},
     {"evaluate", "Measure localization, a map, odometry or a detector against ground truth",

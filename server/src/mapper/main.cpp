@@ -10,6 +10,7 @@ int main(int argc, char** argv) {
   stillmap::mapper::add_rebuild(app);
   stillmap::mapper::add_import(app);
   stillmap::mapper::add_export(app);
+  stillmap::mapper::add_calibrate(app);
   stillmap::mapper::add_simulate(app);
   stillmap::mapper::add_check_poses(app);
   stillmap::command_line::cancel_on_signals();

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "command_line/progress_bar.hpp"
 #include "command_line/run_program.hpp"
@@ -19,6 +20,8 @@ using command_line::grouped;
 struct SimulateArguments {
   std::filesystem::path drive;
   simulation::SimulationOptions options;
+  /// 6 numbers, or none.
+  std::vector<double> mount;
 };
 
 void simulate(const SimulateArguments& arguments) {
@@ -75,6 +78,16 @@ void add_simulate(CLI::App& app) {
       ->add_option("--sensor", options.sensor,
                    "Sensor: hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
       ->capture_default_str();
+  command
+      ->add_option(
+          "--mount", arguments->mount,
+          "Where the lidar is mounted, from its usual place: X,Y,Z in m, ROLL,PITCH,YAW in "
+          "degrees; for drives of several lidars of one vehicle, with --layout pcd")
+      ->type_name("X,Y,Z,ROLL,PITCH,YAW")
+      ->delimiter(',')
+      ->expected(6);
+  command->add_option("--phase", options.phase_s, "How much later each scan is taken, in seconds")
+      ->capture_default_str();
   command->add_option("--scans", options.scans, "Number of scans, about ten a second")
       ->capture_default_str();
   command
@@ -88,7 +101,10 @@ void add_simulate(CLI::App& app) {
       ->add_option("--threads", options.threads,
                    "Threads; 0 = all cores. The drive is the same with any number")
       ->capture_default_str();
-  command->callback([arguments] { simulate(*arguments); });
+  command->callback([arguments] {
+    std::copy(arguments->mount.begin(), arguments->mount.end(), arguments->options.mount.begin());
+    simulate(*arguments);
+  });
 }
 
 }  // namespace stillmap::mapper

@@ -131,7 +131,8 @@ DriveSummary summarize(const maps::Drive& drive) {
       std::any_of(first.cloud.time_offsets_s.begin(), first.cloud.time_offsets_s.end(),
                   [](float time_s) { return time_s != 0.0F; });
   summary.first_scan_dropped = first.dropped;
-  summary.sensors = maps::guess_sensors(first);
+  // The angles of several lidars together fit none.
+  if (contents.lidars.empty()) summary.sensors = maps::guess_sensors(first);
   for (const Eigen::Vector3f& p : first.cloud.positions)
     summary.first_scan_bounds.extend(p.cast<double>());
   summary.check = maps::check_drive(drive);

@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "ground/ground_cells.hpp"
+#include "support/point_clouds.hpp"
 #include "support/synthetic_world.hpp"
 #include "support/throws.hpp"
 
@@ -38,7 +39,7 @@ struct Ground {
     }
   }
   [[nodiscard]] GroundCells cells(const std::vector<maps::Box>& boxes = {}) const {
-    return reduce_ground(points, std::vector<std::uint8_t>(points.size(), 1), boxes,
+    return reduce_ground(test::cloud_of(points), std::vector<std::uint8_t>(points.size(), 1), boxes,
                          Eigen::Isometry3d::Identity());
   }
 };
@@ -209,8 +210,8 @@ TEST(FusedGround, BelievesNearPointsMoreThanFarOnes) {
   T_local_lidar.translation() = Eigen::Vector3d(-60.0, 0.0, 0.07);
   std::vector<Eigen::Vector3f> far = near.points;
   for (Eigen::Vector3f& p : far) p.x() += 60.0F;
-  const GroundCells high =
-      reduce_ground(far, std::vector<std::uint8_t>(far.size(), 1), {}, T_local_lidar);
+  const GroundCells high = reduce_ground(
+      test::cloud_of(far), std::vector<std::uint8_t>(far.size(), 1), {}, T_local_lidar);
   const FusedGround ground = fused({high, high, near.cells(), high, high, high});
   EXPECT_LT(worst(ground, road, around(0.0, 0.0, 6.0, 5.0)), 0.015);
 }
@@ -299,7 +300,8 @@ TEST(FusedGround, RefusesToFinishTwiceAndFlagsOfAnotherScan) {
   EXPECT_THROW(ground.finish({}), std::logic_error);
   EXPECT_THAT(
       [] {
-        (void)reduce_ground({{1.0F, 0.0F, 0.0F}}, {}, {}, Eigen::Isometry3d::Identity());
+        (void)reduce_ground(test::cloud_of({{1.0F, 0.0F, 0.0F}}), {}, {},
+                            Eigen::Isometry3d::Identity());
       },
       ThrowsSaying<std::invalid_argument>({"ground flags: 0", "(1)"}));
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "support/point_clouds.hpp"
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
@@ -28,8 +29,8 @@ class GroundFill : public ::testing::Test {
         points.push_back(Eigen::Vector3d(x, y, slope_at(x, y)).cast<float>());
       }
     }
-    ground_.add(reduce_ground(points, std::vector<std::uint8_t>(points.size(), 1), {},
-                              Eigen::Isometry3d::Identity()));
+    ground_.add(reduce_ground(test::cloud_of(points), std::vector<std::uint8_t>(points.size(), 1),
+                              {}, Eigen::Isometry3d::Identity()));
     ground_.finish({});
   }
 

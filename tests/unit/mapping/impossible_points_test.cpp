@@ -9,6 +9,7 @@
 
 #include "cleaning/buried_points.hpp"
 #include "cleaning/unconfirmed_points.hpp"
+#include "support/point_clouds.hpp"
 #include "support/synthetic_world.hpp"
 #include "views/own_vehicle.hpp"
 #include "views/weather_returns.hpp"
@@ -54,8 +55,8 @@ struct Street {
       for (Eigen::Vector3f& p : *points) p = T_lidar_local * p;
     }
     FusedGround fused;
-    const GroundCells cells =
-        reduce_ground(seen, std::vector<std::uint8_t>(seen.size(), 1), {}, T_local_lidar);
+    const GroundCells cells = reduce_ground(
+        test::cloud_of(seen), std::vector<std::uint8_t>(seen.size(), 1), {}, T_local_lidar);
     for (int scan = 0; scan < 5; ++scan) fused.add(cells);
     fused.finish({});
     for (const Eigen::Vector3f& p : asked) positions.push_back(T_lidar_local * p);

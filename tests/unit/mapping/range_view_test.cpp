@@ -201,7 +201,47 @@ TEST(RangeView, RefusesBytesOfSomethingElse) {
   EXPECT_THAT(parse(""), ThrowsSaying<Error>({"head"}));
   EXPECT_THAT(parse(std::string(40, '\xFF')), ThrowsSaying<Error>({"rows"}));
   EXPECT_THAT(parse(bytes.substr(0, bytes.size() - 1)), ThrowsSaying<Error>({"too early"}));
-  EXPECT_THAT(parse(bytes + "x"), ThrowsSaying<Error>({"left over"}));
+  EXPECT_THAT(parse(bytes + "x"), ThrowsSaying<Error>({"head"}));
+}
+
+/// Points in the frame of a lidar at the origin: of it, then of one elsewhere.
+maps::PointCloud of_two(const maps::PointCloud& first, const maps::PointCloud& second,
+                        const Eigen::Vector3f& origin) {
+  maps::PointCloud both;
+  both.positions = first.positions;
+  both.lidars.assign(first.size(), 0);
+  for (const Eigen::Vector3f& p : second.positions) both.positions.push_back(p + origin);
+  both.lidars.resize(both.size(), 1);
+  both.lidar_origins = {Eigen::Vector3f::Zero(), origin};
+  return both;
+}
+
+TEST(RangeView, RaysOfTwoLidarsBeginWhereEachStands) {
+  // A wall hides from one lidar what lies beyond it; the other one stands there.
+  SyntheticWorld world = wall_ahead();
+  world.boxes.push_back({{40.0, -15.0, 0.0}, {40.5, 15.0, 6.0}});
+  const Eigen::Vector3f origin(24.0F, 0.0F, 0.0F);
+  const maps::PointCloud first = world.scan(pose_at(0, 0), dense());
+  const maps::PointCloud second = world.scan(pose_at(24, 0), dense());
+  const RangeView alone = view_of(first, pose_at(0, 0)), there = view_of(second, pose_at(24, 0));
+  const maps::PointCloud both = of_two(first, second, origin);
+  std::vector<std::uint8_t> is_ground;
+  for (const Eigen::Vector3f& p : both.positions) is_ground.push_back(p.z() < -1.77F ? 1 : 0);
+  const RangeView view(both, is_ground);
+
+  const Eigen::Vector3f beyond(30.0F, 1.0F, -0.3F), on_wall(20.0F, 1.0F, -0.3F);
+  EXPECT_EQ(alone.look(beyond, kCellM).sight, Sight::kHidden);
+  EXPECT_EQ(view.look(beyond, kCellM).sight, Sight::kFree);
+  EXPECT_EQ(view.look(beyond, kCellM).rays, there.look(beyond - origin, kCellM).rays);
+  EXPECT_EQ(view.look(on_wall, kCellM).sight, Sight::kHit);
+  maps::Box box;
+  box.centre = {30.0, 1.0, -0.7};
+  box.size_m = {2.0, 2.0, 1.6};
+  EXPECT_EQ(alone.count(box).through, 0U);
+  EXPECT_GT(alone.count(box).before, 0U);
+  EXPECT_EQ(view.count(box).before, alone.count(box).before);
+  EXPECT_GT(view.count(box).through, 0U);
+  EXPECT_EQ(RangeView::from_bytes(view.to_bytes()), view);
 }
 
 TEST(RangeView, RefusesFlagsThatAreNotOneAPoint) {

@@ -155,6 +155,23 @@ TEST(Simulation, AStandingVehicleHasOnePoseAndTrafficPassesIt) {
   EXPECT_GT(report.parked, 0U);
 }
 
+TEST(Simulation, DrivesThatDifferInTheMountAreOfOneVehicle) {
+  const test::TemporaryFolder folder;
+  SimulationOptions options = small_drive();
+  options.layout = "pcd";
+  const auto usual = maps::Drive::open(simulate(folder, "usual", options));
+  options.mount = {-1.5, 0.3, -0.1, 0.0, 0.0, 90.0};
+  const auto mounted = maps::Drive::open(simulate(folder, "mounted", options));
+  for (std::size_t i = 0; i < kScans; ++i) {
+    const Eigen::Isometry3d T = usual.T_map_lidar(i).inverse() * mounted.T_map_lidar(i);
+    EXPECT_TRUE(T.translation().isApprox(Eigen::Vector3d(-1.5, 0.3, -0.1), 1e-5));
+    EXPECT_TRUE((T.linear() * Eigen::Vector3d::UnitX()).isApprox(Eigen::Vector3d::UnitY(), 1e-5));
+  }
+  options.phase_s = 0.03;
+  const auto late = maps::Drive::open(simulate(folder, "late", options));
+  EXPECT_EQ(late.stamp_ns(1) - mounted.stamp_ns(1), 30'000'000);
+}
+
 TEST(Simulation, NamesEveryBrokenOption) {
   const test::TemporaryFolder folder;
   const auto message = [&](auto change) {
@@ -171,6 +188,9 @@ TEST(Simulation, NamesEveryBrokenOption) {
   EXPECT_THAT(message([](auto& o) { o.sensor = "hdl128"; }), testing::HasSubstr("hdl128"));
   EXPECT_THAT(message([](auto& o) { o.scenario = "moon"; }), testing::HasSubstr("town"));
   EXPECT_THAT(message([](auto& o) { o.layout = "las"; }), testing::HasSubstr("kitti-raw"));
+  EXPECT_THAT(message([](auto& o) { o.mount[0] = 1.0; }), testing::HasSubstr("layout pcd"));
+  EXPECT_THAT(message([](auto& o) { o.mount[4] = 200.0; }), testing::HasSubstr("within 180"));
+  EXPECT_THAT(message([](auto& o) { o.phase_s = -0.1; }), testing::HasSubstr("phase_s"));
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "bad"));
 }
 

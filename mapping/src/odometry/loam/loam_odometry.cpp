@@ -126,7 +126,14 @@ std::unique_ptr<Odometry::Prepared> LoamOdometry::prepare(const maps::Scan& scan
   prepared->source = scan.source;
   prepared->shell = is_shell(scan.cloud.positions);
   if (prepared->shell) return prepared;
-  prepared->features = loam::find_features(scan.cloud, loam::find_rings(scan));
+  if (!scan.cloud.lidars.empty()) {
+    // Rings are those of one lidar, and the reference stands at the origin.
+    maps::Scan of_reference = scan;
+    of_reference.cloud = scan.cloud.of_lidar(0);
+    prepared->features = loam::find_features(of_reference.cloud, loam::find_rings(of_reference));
+  } else {
+    prepared->features = loam::find_features(scan.cloud, loam::find_rings(scan));
+  }
   prepared->edges = loam::thinned(prepared->features.less_sharp, kMatchedEdgeVoxelM);
   prepared->planes = loam::thinned(prepared->features.less_flat, kMatchedPlaneVoxelM);
   return prepared;

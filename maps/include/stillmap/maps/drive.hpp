@@ -94,6 +94,8 @@ class Drive {
     std::vector<std::array<double, 2>> spin_start_end_s;
     /// SemanticKITTI label file of each scan, or empty.
     std::vector<std::filesystem::path> label_files;
+    /// Of several lidars as one: their names, the reference first. Empty for one lidar.
+    std::vector<std::string> lidars;
     /// What the reader did, for people: scans that it left out and why, what it assumed.
     std::vector<std::string> notes;
 
@@ -116,8 +118,15 @@ class Drive {
   /// them. `stamps=recorded` takes the times at which the recorder wrote the clouds, where the
   /// stamps of their headers are wrong. `poses` may be a topic of tf, or `none`. `pose_frame` is
   /// the frame of the poses, if the messages do not name it or name a wrong one. `gnss` is a topic
-  /// of NavSatFix; it turns the poses to east-north-up. Folders of *.bin whose points are not x y z
-  /// intensity: `FOLDER?columns=xyzir`, a letter for each float32 (`ScanFileHints::bin_columns`).
+  /// of NavSatFix; it turns the poses to east-north-up.
+  ///
+  /// Folders of *.bin whose points are not x y z intensity: `FOLDER?columns=xyzir`, a letter for
+  /// each float32 (`ScanFileHints::bin_columns`).
+  ///
+  /// Several lidars as one: `cloud=/front,/rear`, placed by tf_static, or a folder with
+  /// `lidars.json` (`lidar_set.hpp`). The first lidar is the reference: its stamps, poses and frame
+  /// are the drive's. Each sweep of another lidar joins the reference's scan that is nearest in
+  /// time.
   /// @param poses_file  poses `T_map_lidar` instead of the layout's own. KITTI: 12 numbers, one
   /// line
   ///                    for each scan. TUM: 8 numbers, interpolated to the scans' stamps; scans

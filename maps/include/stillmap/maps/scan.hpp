@@ -19,6 +19,12 @@ struct PointCloud {
   std::vector<float> time_offsets_s;
   /// N positions in the file, ascending; empty when nothing of the file was left out.
   std::vector<std::uint32_t> file_indices;
+  /// Of a drive with several lidars: N numbers in `lidar_origins`, of the lidar that took each
+  /// point. Empty when one lidar took all points.
+  std::vector<std::uint8_t> lidars;
+  /// Where the lidars stand in the frame of the points [m]. Empty when one lidar took all points:
+  /// it stands at the origin.
+  std::vector<Eigen::Vector3f> lidar_origins;
 
   [[nodiscard]] std::size_t size() const { return positions.size(); }
   [[nodiscard]] bool empty() const { return positions.empty(); }
@@ -26,6 +32,17 @@ struct PointCloud {
   [[nodiscard]] std::size_t file_index(std::size_t point) const {
     return file_indices.empty() ? point : file_indices[point];
   }
+  /// Where the lidar that took a point stands [m].
+  [[nodiscard]] Eigen::Vector3f origin_of(std::size_t point) const {
+    return lidars.empty() ? Eigen::Vector3f::Zero() : lidar_origins[lidars[point]];
+  }
+  /// From the lidar that took a point to the point [m].
+  [[nodiscard]] Eigen::Vector3f ray(std::size_t point) const {
+    return positions[point] - origin_of(point);
+  }
+  /// The points of one lidar, in their order, as if it had taken the scan alone: from where it
+  /// stands, along the axes of the frame. @param lidar  below the number of `lidar_origins`.
+  [[nodiscard]] PointCloud of_lidar(std::size_t lidar) const;
   /// Keeps the points with a flag, in their order. @param keep  N flags.
   void keep_only(const std::vector<std::uint8_t>& keep);
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include <cstdint>
 #include <filesystem>
@@ -26,6 +27,9 @@ namespace stillmap::maps {
 /// of two equal keys would read another file than the one that a careful eye reads.
 /// @param name what the text is, for messages. @throws InputError naming it and the mistake.
 [[nodiscard]] nlohmann::json parse_json(std::string_view text, const std::string& name);
+
+/// {"position": [x, y, z], "quaternion": [x, y, z, w]}.
+[[nodiscard]] nlohmann::json transform_json(const Eigen::Isometry3d& T);
 
 /// A JSON value with the file and the path where it stands, read with every type and bound checked.
 /// Each accessor throws InputError "FILE at PATH: found ..., expected ...".
@@ -76,6 +80,9 @@ class JsonField {
   [[nodiscard]] Eigen::Vector3d vector3() const;
   /// An array of three numbers in [low, high].
   [[nodiscard]] Eigen::Vector3d vector3(double low, double high) const;
+
+  /// As `transform_json` writes it; the quaternion's norm 1 within 1e-3.
+  [[nodiscard]] Eigen::Isometry3d transform() const;
 
   /// What a name stands for.
   template <typename Meaning>

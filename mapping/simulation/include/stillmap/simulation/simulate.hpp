@@ -2,6 +2,7 @@
 
 #include <stillmap/mapping/progress.hpp>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -27,6 +28,13 @@ struct SimulationOptions {
   std::optional<double> parked_share;
   /// Name of a sensor, or a file that describes one (see mapping/simulation/README.md).
   std::string sensor = "hdl64";
+  /// Where the sensor is mounted instead of the usual place above the middle of the vehicle, seen
+  /// from there: x forward, y left, z up [m], each within 5; roll, pitch, yaw [deg], each within
+  /// 180, applied in this order about fixed axes. Only with the layout `pcd`. Two drives that
+  /// differ only in this and in the phase are of two lidars of one vehicle.
+  std::array<double, 6> mount{};
+  /// How much later each scan is taken [s], in [0, 0.2].
+  double phase_s = 0.0;
   /// The vehicle stands beside the lane where it would begin to drive, for the whole drive: all
   /// poses are equal.
   bool standing = false;
