@@ -3,6 +3,8 @@
 #include "core/ordered_pipeline.hpp"
 #include "odometry/hidden_gaps.hpp"
 
+#include <stillmap/maps/imu.hpp>
+
 #include <fmt/format.h>
 
 #include <memory>
@@ -25,6 +27,7 @@ struct PreparedScan {
 
 /// The sweep as it would be if time ran backward.
 maps::Scan reversed(maps::Scan scan) {
+  maps::turn_to_stamp(scan.cloud);
   scan.stamp_ns = -scan.stamp_ns;
   for (float& offset_s : scan.cloud.time_offsets_s) offset_s = -offset_s;
   return scan;
@@ -89,6 +92,15 @@ DriveStart start_of(std::size_t scans, const ReadScan& read) {
   return best;
 }
 
+/// Tells how the sensor turned since the scan before, where the drive has an IMU.
+void tell_turn(const maps::Drive& drive, std::size_t index, Odometry& odometry) {
+  const std::shared_ptr<const maps::Imu>& imu = drive.contents().imu;
+  if (!imu || !imu->fit) return;
+  const auto R_before_this = maps::turn_between_stamps(
+      *imu->readings, *imu->fit, drive.stamp_ns(index - 1), drive.stamp_ns(index));
+  if (R_before_this) odometry.turned(*R_before_this);
+}
+
 }  // namespace
 
 std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int threads,
@@ -123,6 +135,7 @@ std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int thread
         if (followed.expects_given_poses && !poses.empty())
           odometry->expect(followed.drive.T_map_lidar(index - 1).inverse() *
                            followed.drive.T_map_lidar(index));
+        if (!poses.empty()) tell_turn(followed.drive, index, *odometry);
         poses.push_back(odometry->add(*scan.prepared));
         if (poses.size() == 1 && start.first_is_hidden) poses.front().hidden = true;
         if (followed.take) followed.take(index, scan.scan, poses.back());

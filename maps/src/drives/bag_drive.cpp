@@ -13,6 +13,7 @@
 
 #include "bags/bag_choice.hpp"
 #include "bags/bag_gnss.hpp"
+#include "bags/bag_imu.hpp"
 #include "bags/bag_poses.hpp"
 #include "bags/bag_survey.hpp"
 #include "bags/point_cloud2.hpp"
@@ -236,6 +237,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
     set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
     contents.poses_have_stamps = true;
   }
+  contents.imu = find_imu(found, choice, clouds.frames.front(), name, contents.notes);
   leave_out_unordered(contents);
   place_by_gnss(contents, scans->bags, found, choice, name);
   return contents;
