@@ -6,6 +6,7 @@
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <chrono>
@@ -118,6 +119,17 @@ std::vector<std::string> SimulationOptions::violations() const {
   if (!(phase_s >= 0.0 && phase_s <= 0.2)) {
     found.push_back(fmt::format("phase_s: found {}, expected in [0, 0.2]", phase_s));
   }
+  if (!carrier_named(carrier)) {
+    found.push_back(
+        fmt::format("carrier: found \"{}\", expected one of {}", carrier, carrier_names()));
+  }
+  if (imu && layout != "pcd") {
+    found.push_back(fmt::format("layout: found {} beside an IMU, expected pcd", layout));
+  }
+  if (standing && carrier != "vehicle") {
+    found.push_back(
+        fmt::format("carrier: found {} beside a standing sensor, expected vehicle", carrier));
+  }
   if (scans < 1 || scans > kMaxScans) {
     found.push_back(fmt::format("scans: found {}, expected 1 to {}", scans, kMaxScans));
   }
@@ -147,6 +159,7 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
        .period_s = properties.period_s,
        .key = key_for(options, Stream::kGnss),
        .lidar_height_m = properties.height_m,
+       .imu = options.imu,
        .T_world_map =
            [&] {
              return Eigen::Isometry3d(T_world_start *
@@ -155,17 +168,20 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
       [&ego](double time_s) { return ego->T_world_lidar(time_s); });
   if (progress) progress("world", 0, 1);
   const double duration_s = properties.period_s * static_cast<double>(options.scans);
+  const Carrier carrier = *carrier_named(options.carrier);
+  // At least as much of the world as is driven through.
+  const double world_s = std::max(1.0, pace_of(carrier)) * duration_s;
   const World world = make_world({.scenario = options.scenario,
                                   .seed = options.seed,
                                   .day = options.day,
                                   .change = options.change,
                                   .parked_share = options.parked_share,
-                                  .duration_s = duration_s,
+                                  .duration_s = world_s,
                                   .standing = options.standing,
                                   .reach_m = properties.max_range_m,
                                   .cancel = &cancel});
   T_world_start = world.T_world_start;
-  ego.emplace(world, properties.height_m, T_usual_lidar_of(options.mount));
+  ego.emplace(world, properties.height_m, carrier, T_usual_lidar_of(options.mount));
   const std::uint64_t unit = unit_of(options.mount);
   Scanner scanner(world, *ego, *sensor,
                   {.key = key_of_unit(key_for(options, Stream::kRays), unit),
@@ -201,7 +217,8 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
   result.parked = tracks.parked.size();
   result.moving = tracks.moving.size();
   result.distance_m =
-      world.own_motion.station(duration_s - properties.period_s) - world.own_motion.station(0.0);
+      world.own_motion.station(pace_of(carrier) * (duration_s - properties.period_s)) -
+      world.own_motion.station(0.0);
   result.seconds = seconds_since(start);
   result.peak_rss_mib = maps::peak_rss_mib();
   return result;

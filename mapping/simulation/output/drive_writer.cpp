@@ -8,15 +8,20 @@
 #include <stdexcept>
 #include <utility>
 
+#include "geometry/random.hpp"
 #include "output/file_output.hpp"
 #include "output/kitti_camera.hpp"
 #include "output/layout_writer.hpp"
 #include "output/motion_compensation.hpp"
 #include "output/tracking_labels.hpp"
 #include "output/truth_writer.hpp"
+#include "sensing/imu_model.hpp"
 
 namespace stillmap::simulation {
 namespace {
+
+/// Of the IMU's errors, beside those that other writers draw from the drive's key.
+constexpr std::uint64_t kImuNumbers = 0x1d0;
 
 std::unique_ptr<LayoutWriter> make_layout(const std::filesystem::path& folder,
                                           const DriveWriterOptions& options,
@@ -98,6 +103,12 @@ void DriveWriter::publish(const Mesh& ground) {
   }
   if (my.truth) {
     my.truth->finish(*my.layout, my.T_world_lidar, my.options.period_s, ground);
+  }
+  if (my.options.imu) {
+    const double end_s = my.options.period_s * static_cast<double>(my.scans);
+    const auto clock = [&](double time_s) { return my.layout->stamp_ns(time_s); };
+    write_file(drive / "imu.csv", imu_csv(ImuModel{}, my.T_world_lidar, clock, end_s,
+                                          key_of({my.options.key, kImuNumbers})));
   }
   my.folder.publish();
 }

@@ -25,6 +25,8 @@ struct DriveWriterOptions {
   std::uint64_t key = 0;
   /// Sensor over ground, where it stands on a vehicle [m].
   double lidar_height_m = 1.73;
+  /// Writes `imu.csv`.
+  bool imu = false;
   /// Frame of KITTI odometry's poses, asked for at the first scan; empty = the lidar's at its
   /// stamp.
   std::function<Eigen::Isometry3d()> T_world_map;

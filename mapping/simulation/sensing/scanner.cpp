@@ -165,7 +165,9 @@ void Scanner::look_at_own_vehicle(const std::vector<Beam>& beams) {
   for (const Beam& beam : beams) {
     ray.origin = usual + T_usual_lidar * beam.origin;
     ray.direction = T_usual_lidar.linear() * beam.direction;
-    const std::optional<Hit> hit = own_vehicle_.cast(ray);
+    // Nothing is around a sensor in the hand.
+    const std::optional<Hit> hit =
+        ego_.carrier() == Carrier::kHand ? std::nullopt : own_vehicle_.cast(ray);
     own_range_m_.push_back(hit ? static_cast<float>(hit->range_m)
                                : std::numeric_limits<float>::infinity());
   }

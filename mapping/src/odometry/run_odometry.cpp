@@ -3,6 +3,8 @@
 #include "core/ordered_pipeline.hpp"
 #include "odometry/hidden_gaps.hpp"
 
+#include <stillmap/maps/imu.hpp>
+
 #include <fmt/format.h>
 #include <stillmap/localization/thinning.hpp>
 
@@ -26,6 +28,7 @@ struct PreparedScan {
 
 /// The sweep as it would be if time ran backward.
 maps::Scan reversed(maps::Scan scan) {
+  maps::turn_to_stamp(scan.cloud);
   scan.stamp_ns = -scan.stamp_ns;
   for (float& offset_s : scan.cloud.time_offsets_s) offset_s = -offset_s;
   return scan;
@@ -54,6 +57,15 @@ maps::Scan without_own_vehicle(maps::Scan scan) {
   return scan;
 }
 
+/// Tells how the sensor turned from one scan to another, where the drive has an IMU.
+void tell_turn(const maps::Drive& drive, std::size_t from, std::size_t to, Odometry& odometry) {
+  const std::shared_ptr<const maps::Imu>& imu = drive.contents().imu;
+  if (!imu || !imu->fit) return;
+  const auto R_from_to = maps::turn_between_stamps(*imu->readings, *imu->fit, drive.stamp_ns(from),
+                                                   drive.stamp_ns(to));
+  if (R_from_to) odometry.turned(*R_from_to);
+}
+
 /// How a drive starts.
 struct DriveStart {
   /// At the first scan.
@@ -63,8 +75,9 @@ struct DriveStart {
 };
 
 /// The scans of a drive's start, the last one first.
-/// @param matched  how many of the scans fitted the others.
-DriveStart followed_backward(std::span<const maps::Scan> scans, std::size_t& matched) {
+/// @param scans    of the drive. @param matched  how many of them fitted the others.
+DriveStart followed_backward(const maps::Drive& drive, std::span<const maps::Scan> scans,
+                             std::size_t& matched) {
   const std::unique_ptr<Odometry> backward = make_odometry(odometry_names().front());
   DriveStart start;
   matched = 0;
@@ -74,6 +87,7 @@ DriveStart followed_backward(std::span<const maps::Scan> scans, std::size_t& mat
     const bool is_again =
         i > 0 && !scan.cloud.empty() && scan.cloud.positions == scans[i - 1].cloud.positions;
     if (is_again) scan.cloud = {};
+    if (i + 1 < scans.size()) tell_turn(drive, scans[i + 1].index, scan.index, *backward);
     const OdometryPose pose = backward->add(*backward->prepare(scan));
     if (pose.status != OdometryStatus::kPredicted) {
       ++matched;
@@ -89,7 +103,7 @@ DriveStart followed_backward(std::span<const maps::Scan> scans, std::size_t& mat
 /// The drive's first scans are followed backward by `default`, so that there is a map and a speed
 /// when the first one's turn comes. The last of them may be the hidden one, which none of the
 /// others fits; then the one before it comes first.
-DriveStart start_of(std::size_t scans, const ReadScan& read) {
+DriveStart start_of(const maps::Drive& drive, std::size_t scans, const ReadScan& read) {
   if (scans < kStartScans) return {};
   std::vector<maps::Scan> first;
   for (std::size_t i = 0; i < kStartScans; ++i) first.push_back(read(i));
@@ -97,7 +111,7 @@ DriveStart start_of(std::size_t scans, const ReadScan& read) {
   std::size_t most = 0;
   for (std::size_t size = kStartScans; size > kStartScans / 2 && most < size / 2; --size) {
     std::size_t matched = 0;
-    DriveStart start = followed_backward(std::span(first).first(size), matched);
+    DriveStart start = followed_backward(drive, std::span(first).first(size), matched);
     if (size < kStartScans && matched <= most) continue;
     best = std::move(start);
     most = matched;
@@ -120,7 +134,7 @@ std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int thread
     return without_own_vehicle(followed.read ? followed.read(scan) : followed.drive.read(scan));
   };
   if (cancel) throw Cancelled();
-  const DriveStart start = start_of(scans, read_scan);
+  const DriveStart start = start_of(followed.drive, scans, read_scan);
   if (start.twist_lidar) odometry->start_with(*start.twist_lidar);
   std::vector<OdometryPose> poses;
   poses.reserve(scans);
@@ -139,6 +153,7 @@ std::vector<OdometryPose> run_odometry(const FollowedDrive& followed, int thread
         if (followed.expects_given_poses && !poses.empty())
           odometry->expect(followed.drive.T_map_lidar(index - 1).inverse() *
                            followed.drive.T_map_lidar(index));
+        if (!poses.empty()) tell_turn(followed.drive, index - 1, index, *odometry);
         poses.push_back(odometry->add(*scan.prepared));
         if (poses.size() == 1 && start.first_is_hidden) poses.front().hidden = true;
         if (followed.take) followed.take(index, scan.scan, poses.back());

@@ -10,6 +10,7 @@
 #include <link.h>
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/imu.hpp>
 
 #include <algorithm>
 #include <array>
@@ -79,6 +80,13 @@ std::string motion_of(const maps::Drive& drive) {
   for (const auto& [start_s, end_s] : contents.spin_start_end_s) {
     put_number(bytes, start_s);
     put_number(bytes, end_s);
+  }
+  if (contents.imu) {
+    for (const maps::ImuReading& reading : *contents.imu->readings) {
+      put_number(bytes, reading.stamp_ns);
+      for (const float rate : reading.rate_radps) put_number(bytes, rate);
+      for (const float force : reading.force_mps2) put_number(bytes, force);
+    }
   }
   return maps::sha256_of(bytes);
 }

@@ -1,3 +1,4 @@
+#include "odometry/imu_clock.hpp"
 #include "pipeline/build.hpp"
 #include "pipeline/manifest.hpp"
 #include "pipeline/opened_drives.hpp"
@@ -12,6 +13,7 @@
 #include <algorithm>
 #include <new>
 #include <stdexcept>
+#include <utility>
 
 namespace stillmap::mapping {
 namespace {
@@ -120,6 +122,24 @@ bool estimates_poses(const std::vector<std::filesystem::path>& drives,
   return odometry_of(open_drives(drives, options), options) != "given";
 }
 
+namespace {
+
+/// Fits the IMUs of drives that have one. @return what was found.
+std::vector<std::string> fit_imus(std::vector<maps::Drive>& drives, const MapBuildOptions& options,
+                                  const ProgressCallback& progress, const CancelFlag& cancel) {
+  std::vector<std::string> notes;
+  for (maps::Drive& drive : drives) {
+    const std::size_t own = drive.contents().notes.size();
+    drive = with_fitted_imu(drive, options.threads, progress, cancel);
+    const std::vector<std::string>& all = drive.contents().notes;
+    for (std::size_t i = own; i < all.size(); ++i)
+      notes.push_back(fmt::format("{}: {}", drive.contents().root.string(), all[i]));
+  }
+  return notes;
+}
+
+}  // namespace
+
 MapBuildResult build_map(const std::vector<std::filesystem::path>& folders,
                          const std::filesystem::path& target, const MapBuildOptions& given,
                          const ProgressCallback& progress, const CancelFlag& cancel,
@@ -128,7 +148,8 @@ MapBuildResult build_map(const std::vector<std::filesystem::path>& folders,
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("build options: " + broken.front());
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
-  const std::vector<maps::Drive> drives = open_drives(folders, options);
+  std::vector<maps::Drive> drives = open_drives(folders, options);
+  std::vector<std::string> notes = fit_imus(drives, options, progress, cancel);
   maps::MapPackageWriter writer(target, options.journal_folder ? "" : kJournalFolder);
   const std::filesystem::path journal_folder =
       options.journal_folder.value_or(writer.folder() / kJournalFolder);
@@ -147,6 +168,7 @@ MapBuildResult build_map(const std::vector<std::filesystem::path>& folders,
         .cancel = cancel};
     std::filesystem::create_directory(task.scratch);
     Build build(task);
+    build.result.notes = std::move(notes);
     for (const Stage stage : kStages) stage(build);
     return std::move(build.result);
   } catch (const Cancelled&) {

@@ -92,7 +92,8 @@ std::vector<maps::Drive> shifted_by(const std::vector<double>& offsets_s,
       shifted.push_back(drives[i]);
       continue;
     }
-    shifted.push_back(open_drive(folders[i], options, offsets_s[i]));
+    shifted.push_back(
+        open_drive(folders[i], options, offsets_s[i]).with_imu(drives[i].contents().imu));
     require_same_numbers(drives[i], shifted.back(), options, offsets_s[i]);
   }
   return shifted;

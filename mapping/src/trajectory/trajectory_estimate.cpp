@@ -1,5 +1,6 @@
 #include "core/seconds_since.hpp"
 #include "loops/loop_finder.hpp"
+#include "odometry/gravity.hpp"
 #include "odometry/run_odometry.hpp"
 #include "pose_graph/pose_graph.hpp"
 #include "trajectory/common_frame.hpp"
@@ -13,6 +14,7 @@
 #include <stillmap/mapping/trajectory.hpp>
 #include <stillmap/maps/deskew.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -74,6 +76,11 @@ class Following {
           drive.contents().root.string(),
           fmt::format("{} scans, all hidden (covered sensor or dust)", estimated.odometry.size()),
           "a drive whose sensor is not covered; leave this drive out of the build");
+    if (const auto up = up_in_odom(drive, estimated.begin, estimated.odometry)) {
+      Eigen::Isometry3d& T_ground_odom = found_.T_ground_odom.back();
+      T_ground_odom.prerotate(
+          maps::turn_between(T_ground_odom.linear() * *up, Eigen::Vector3d::UnitZ()));
+    }
   }
 
   [[nodiscard]] Odometries finish() { return std::move(found_); }

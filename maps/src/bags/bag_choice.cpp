@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::string_view kExpected =
     "cloud=TOPIC (or TOPIC,TOPIC for several lidars), poses=TOPIC, pose_frame=FRAME, gnss=TOPIC, "
-    "stamps=recorded or calibration=FILE";
+    "imu=TOPIC, stamps=recorded or calibration=FILE";
 
 std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
   if (word == "cloud") return &choice.cloud;
@@ -20,6 +20,7 @@ std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) 
   if (word == "gnss") return &choice.gnss;
   if (word == "stamps") return &choice.stamps;
   if (word == "calibration") return &choice.calibration;
+  if (word == "imu") return &choice.imu;
   return word == "pose_frame" ? &choice.pose_frame : nullptr;
 }
 
@@ -62,6 +63,7 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
                        "the name of a file in this folder, without '/'");
     choice.calibration = (folder / *own.calibration).string();
   }
+  if (!choice.imu) choice.imu = own.imu;
   return choice;
 }
 

@@ -17,9 +17,10 @@ struct BagChoice {
   std::optional<std::string> pose_frame;
   /// Topic of NavSatFix that says where the poses lie on the Earth.
   std::optional<std::string> gnss;
+  /// Topic of Imu; "none" for no IMU.
+  std::optional<std::string> imu;
   /// "header", or "recorded": when the recorder got the clouds, instead of their own stamps.
   std::optional<std::string> stamps;
-
   /// File of a Velodyne's calibration (`read_velodyne_calibration`); of `topics.txt`, one in its
   /// folder.
   std::optional<std::string> calibration;
@@ -27,8 +28,8 @@ struct BagChoice {
   [[nodiscard]] bool takes_recorded_stamps() const { return stamps == "recorded"; }
 };
 
-/// `cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of them, parted by `&` or
-/// newlines.
+/// `cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix&imu=/imu`, any of them, parted by `&`
+/// or newlines.
 /// @param source  for messages. @throws InputError for anything else.
 [[nodiscard]] BagChoice parse_bag_choice(std::string_view text, const std::string& source);
 

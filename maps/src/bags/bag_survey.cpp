@@ -19,10 +19,15 @@ constexpr std::size_t kMostTfBytes = std::size_t{1} << 20U;
 constexpr std::size_t kMostFramesNamed = 8;
 /// 14 hours at 10 Hz; more would cost memory by their number alone.
 constexpr std::size_t kMostClouds = 500'000;
+/// 14 hours at 200 Hz, 320 MB. Later ones are left out.
+constexpr std::size_t kMostImuReadings = 10'000'000;
+/// Orientation, rate and force, with the covariances of the first two.
+constexpr std::size_t kImuBytes = 8 * (4 + 9 + 3 + 9 + 3) + 8;
 
 std::size_t head_bytes_of(const std::string& type) {
   if (cloud_type(type) != nullptr) return kHeaderBytes;
   if (type == kTfMessage) return kMostTfBytes;
+  if (type == kImu) return kHeaderBytes + kImuBytes;
   return is_pose_type(type) ? kHeaderBytes + 4 + 1025 : 0;
 }
 
@@ -71,6 +76,7 @@ class Surveyor {
       if (head_bytes_of(topic.type) == 0) return;
       MessageReader reader(message.head, topic.serialization, topic.name);
       if (topic.type == kTfMessage) return take_tf(reader, topic.name, bag);
+      if (topic.type == kImu) return take_imu(reader, known);
       if (cloud_type(topic.type) == nullptr) return take_pose(reader, topic.type, known);
       const RosHeader header = read_header(reader);
       if (++clouds_ > kMostClouds) return;
@@ -91,6 +97,14 @@ class Surveyor {
     known.pose_frames = {pose.parent, pose.child};
   }
 
+  void take_imu(MessageReader& reader, TopicSurvey& known) {
+    if (imu_readings_ == kMostImuReadings) return;
+    const FramedImuReading imu = read_imu(reader);
+    if (known.imu.empty()) known.imu_frame = imu.frame_id;
+    known.imu.push_back(imu.reading);
+    ++imu_readings_;
+  }
+
   void take_tf(MessageReader& reader, const std::string& topic, const Bag& bag) {
     const bool rigid = is_static_tf(topic);
     read_transforms(reader, [&](const StampedTransform& transform) {
@@ -107,6 +121,7 @@ class Surveyor {
   const Bags& bags_;
   BagSurvey survey_;
   std::size_t clouds_ = 0;
+  std::size_t imu_readings_ = 0;
 };
 
 }  // namespace

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include <stillmap/maps/imu.hpp>
+
 #include "bags/bag.hpp"
 #include "bags/frame_tree.hpp"
 
@@ -44,6 +46,10 @@ struct TopicSurvey {
   std::vector<std::string> frames;
   /// That the first of the poses names; nothing where it cannot be read.
   std::optional<PoseFrames> pose_frames;
+  /// Of an IMU, in its own axes, in the order of the messages.
+  std::vector<ImuReading> imu;
+  /// That the first of them names.
+  std::string imu_frame;
 };
 
 /// What a drive's bags hold, as far as it matters here.
@@ -56,7 +62,7 @@ struct BagSurvey {
   BagDamage damage;
 };
 
-/// Goes through the bags once: headers of clouds, counts of poses, all of tf.
+/// Goes through the bags once: headers of clouds, counts of poses, all of tf and of IMUs.
 /// @throws InputError for one topic of two types, where one of them is read; StorageError.
 [[nodiscard]] BagSurvey survey(const Bags& bags);
 

@@ -90,4 +90,23 @@ GnssFix read_fix(MessageReader& reader) {
   return fix;
 }
 
+FramedImuReading read_imu(MessageReader& reader) {
+  const RosHeader header = read_header(reader);
+  const auto skip = [&](int numbers) {
+    for (int i = 0; i < numbers; ++i) (void)reader.number<double>();
+  };
+  const auto vector = [&] {
+    Eigen::Vector3f v;
+    for (float& value : v) value = static_cast<float>(reader.number<double>());
+    return v;
+  };
+  constexpr int kOrientation = 4;
+  constexpr int kCovariance = 9;
+  skip(kOrientation + kCovariance);
+  FramedImuReading imu{{header.stamp_ns, vector(), {}}, header.frame_id};
+  skip(kCovariance);
+  imu.reading.force_mps2 = vector();
+  return imu;
+}
+
 }  // namespace stillmap::maps

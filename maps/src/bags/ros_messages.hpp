@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/imu.hpp>
 
 #include <Eigen/Geometry>
 
@@ -19,6 +20,7 @@ inline constexpr std::string_view kNavOdometry = "nav_msgs/msg/Odometry";
 inline constexpr std::string_view kPoseStamped = "geometry_msgs/msg/PoseStamped";
 inline constexpr std::string_view kTfMessage = "tf2_msgs/msg/TFMessage";
 inline constexpr std::string_view kNavSatFix = "sensor_msgs/msg/NavSatFix";
+inline constexpr std::string_view kImu = "sensor_msgs/msg/Imu";
 
 /// std_msgs/Header.
 struct RosHeader {
@@ -64,5 +66,15 @@ struct GnssFix {
 
 /// sensor_msgs/NavSatFix up to its covariance. @throws InputError as above.
 [[nodiscard]] GnssFix read_fix(MessageReader& reader);
+
+/// What an IMU measured, in its own axes, and their frame.
+struct FramedImuReading {
+  ImuReading reading;
+  std::string frame_id;
+};
+
+/// sensor_msgs/Imu up to its specific force. Its orientation and all covariances are not looked at.
+/// @throws InputError as above.
+[[nodiscard]] FramedImuReading read_imu(MessageReader& reader);
 
 }  // namespace stillmap::maps

@@ -1,4 +1,5 @@
 #include <stillmap/maps/deskew.hpp>
+#include <stillmap/maps/imu.hpp>
 
 #include <Eigen/Geometry>
 
@@ -8,8 +9,9 @@ namespace stillmap::maps {
 
 void deskew(PointCloud& cloud, const Eigen::Matrix<double, 6, 1>& twist_lidar) {
   if (cloud.time_offsets_s.empty()) return;
+  turn_to_stamp(cloud);
   const Eigen::Vector3d v = twist_lidar.head<3>();
-  const double speed_rad_s = twist_lidar.tail<3>().norm();
+  const double speed_rad_s = cloud.turn ? 0.0 : twist_lidar.tail<3>().norm();
   const bool turns = speed_rad_s > 1e-9;
   const Eigen::Vector3d axis =
       turns ? Eigen::Vector3d(twist_lidar.tail<3>() / speed_rad_s) : Eigen::Vector3d::Zero();

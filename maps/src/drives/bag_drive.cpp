@@ -15,6 +15,7 @@
 
 #include "bags/bag_choice.hpp"
 #include "bags/bag_gnss.hpp"
+#include "bags/bag_imu.hpp"
 #include "bags/bag_poses.hpp"
 #include "bags/bag_survey.hpp"
 #include "bags/cloud_messages.hpp"
@@ -297,6 +298,9 @@ std::vector<RecordingTopic> topics_to_choose(const BagSurvey& survey) {
   add("gnss", [](const std::string&, const TopicSurvey& known) {
     return known.type == kNavSatFix ? Frame("") : std::nullopt;
   });
+  add("imu", [](const std::string&, const TopicSurvey& known) {
+    return known.type == kImu ? Frame("") : std::nullopt;
+  });
   return topics;
 }
 
@@ -357,6 +361,7 @@ Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
     set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
     contents.poses_have_stamps = true;
   }
+  contents.imu = find_imu(found, choice, contents.entries.frame_id, name, contents.notes);
   leave_out_unordered(contents);
   place_by_gnss(contents, *bags, found, choice, name);
   if (topics.size() < 2) return contents;

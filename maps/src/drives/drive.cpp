@@ -1,5 +1,6 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/imu.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
@@ -82,6 +83,20 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
   }
 }
 
+/// `imu.csv` of a folder.
+void set_imu(Drive::Contents& contents) {
+  const std::filesystem::path file = contents.root / "imu.csv";
+  if (!std::filesystem::is_regular_file(file)) return;
+  if (!has_imu_columns(file)) {
+    contents.notes.push_back(
+        "imu.csv is not used: its first line does not name the columns stamp_ns,wx,wy,wz,ax,ay,az");
+    return;
+  }
+  Imu imu{.source = file.filename().string(), .readings = {}, .fit = {}};
+  imu.readings = usable_readings(read_imu_csv(file), imu.source, contents.notes);
+  if (imu.readings) contents.imu = std::make_shared<const Imu>(std::move(imu));
+}
+
 Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
   const std::filesystem::path& place = address.place;
   const std::string& words = address.words;
@@ -92,10 +107,17 @@ Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
                        "its folder alone: write it behind the drive's name in lidars.json");
     }
     const LayoutReader reader = reader_for(place);
-    if (reader.open != nullptr && !words.empty())
-      throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
-                       "its folder alone, '?sensor=NAME' or '?columns=xyzir': leave out the rest");
-    if (reader.open != nullptr) return reader.open(place, poses);
+    const bool takes_imu = words != "imu=none";
+    if (reader.open != nullptr && !words.empty() && takes_imu)
+      throw InputError(
+          place.string(), "'?" + words + "' behind a drive that is no bag",
+          "its folder alone, '?sensor=NAME', '?columns=xyzir' or '?imu=none': leave out "
+          "the rest");
+    if (reader.open != nullptr) {
+      Drive::Contents contents = reader.open(place, poses);
+      if (takes_imu) set_imu(contents);
+      return contents;
+    }
   }
   if (is_rawlog(place)) return open_rawlog_drive(place, words, poses);
   if (!std::filesystem::is_directory(place) && !is_bag(place)) {
@@ -227,6 +249,12 @@ Drive Drive::with_poses(std::vector<Eigen::Isometry3d> T_map_lidar,
   return Drive(std::move(contents));
 }
 
+Drive Drive::with_imu(std::shared_ptr<const Imu> imu) const {
+  Contents contents = contents_;
+  contents.imu = std::move(imu);
+  return Drive(std::move(contents));
+}
+
 void Drive::require_own_numbers(const std::filesystem::path& file) const {
   if (!contents_.counts_from_first_pose) return;
   throw InputError(
@@ -253,6 +281,8 @@ Scan Drive::read(std::size_t index) const {
   if (!contents_.spin_start_end_s.empty()) {
     set_spin_times(scan.cloud, contents_.spin_start_end_s[index]);
   }
+  if (contents_.imu && contents_.imu->fit)
+    scan.cloud.turn = turn_of(scan, *contents_.imu->readings, *contents_.imu->fit);
   return scan;
 }
 

@@ -157,6 +157,10 @@ std::string inspection_json(const DriveSummary& summary) {
                         {"unsure", summary.first_scan_dropped.unsure},
                         {"bounds_lidar", bounds(summary.first_scan_bounds)}};
   json["sensors"] = summary.sensors;
+  if (const auto& imu = summary.imu)
+    json["imu"] = {{"source", imu->source},   {"readings", imu->readings},
+                   {"rate_hz", imu->rate_hz}, {"longest_gap_s", imu->longest_gap_s},
+                   {"first_s", imu->first_s}, {"last_s", imu->last_s}};
   json["notes"] = summary.notes;
   add_check(summary.check, json);
   return to_text(json, 2);

@@ -111,6 +111,11 @@ void print_for_people(const server::DriveSummary& drive) {
                                      : "none");
   table.add("geodetic origin", text_of(drive.origin));
   table.add("times of points", drive.has_point_times ? "for every point" : "unknown");
+  if (const auto& imu = drive.imu)
+    table.add("IMU", fmt::format(
+                         "{}, {:.0f} Hz, longest gap {:.3f} s; its first reading is {:+.3f} s "
+                         "from the first scan, its last {:+.3f} s from the last",
+                         imu->source, imu->rate_hz, imu->longest_gap_s, imu->first_s, imu->last_s));
   table.add("labels", drive.has_labels ? "for every point" : "none");
   table.add(
       "first scan",

@@ -101,6 +101,7 @@ void print_for_people(const OdometryEvaluation& result) {
                                         grouped(result.keyframes.size()), result.loop_seconds,
                                         result.graph_seconds));
   }
+  for (const std::string& note : result.notes) table.add("note", note);
   table.print();
   print_errors(result);
 }

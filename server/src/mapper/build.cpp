@@ -162,6 +162,7 @@ void print_for_people(const mapping::MapBuildResult& result, const std::filesyst
   for (const auto& [name, count] : result.objects) table.add(objects_label(name), grouped(count));
   command_line::add_consistency(table, result.consistency);
   table.print();
+  for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
   for (const std::string& warning : result.warnings) fmt::print("warning: {}\n", warning);
 }
 
@@ -248,7 +249,8 @@ void build(BuildCommand& asked, const CLI::App& command) {
   });
   if (!asked.json.replaces_text()) print_for_people(result, asked.map, index);
   result.warnings.insert(result.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
-  if (asked.json.is_asked()) asked.json.write(to_json_text(result, asked.arguments, remarks.notes));
+  result.notes.insert(result.notes.begin(), remarks.notes.begin(), remarks.notes.end());
+  if (asked.json.is_asked()) asked.json.write(to_json_text(result, asked.arguments, result.notes));
   if (!asked.json.replaces_text()) print_what_was_made(asked);
 }
 

@@ -75,6 +75,13 @@ void add_simulate(CLI::App& app) {
   command->add_flag("--standing", options.standing,
                     "Keep the sensor in one place beside the lane, with traffic passing");
   command
+      ->add_option("--carrier", options.carrier,
+                   "What carries the sensor: vehicle, fast (a vehicle at twice the speed on rough "
+                   "ground) or hand (a person who looks around)")
+      ->capture_default_str();
+  command->add_flag("--imu", options.imu,
+                    "Also write the readings of an IMU, imu.csv (layout pcd)");
+  command
       ->add_option("--sensor", options.sensor,
                    "Sensor: hdl64, os1-64, os1-128, vlp16, avia, or a file that describes one")
       ->capture_default_str();

@@ -1,5 +1,6 @@
 #include "operation/inspection.hpp"
 
+#include <stillmap/maps/imu.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 
@@ -104,6 +105,22 @@ MapSummary summarize(const maps::MapPackage& package) {
   return summary;
 }
 
+namespace {
+
+std::optional<ImuSummary> imu_summary(const maps::Drive::Contents& contents) {
+  if (!contents.imu) return std::nullopt;
+  const maps::Imu& imu = *contents.imu;
+  const auto seconds = [](std::int64_t ns) { return 1e-9 * static_cast<double>(ns); };
+  return ImuSummary{imu.source,
+                    imu.readings->size(),
+                    imu.rate_hz(),
+                    imu.longest_gap_s(),
+                    seconds(imu.readings->front().stamp_ns - contents.stamps_ns.front()),
+                    seconds(imu.readings->back().stamp_ns - contents.stamps_ns.back())};
+}
+
+}  // namespace
+
 DriveSummary summarize(const maps::Drive& drive) {
   const maps::Drive::Contents& contents = drive.contents();
   DriveSummary summary;
@@ -135,6 +152,7 @@ DriveSummary summarize(const maps::Drive& drive) {
   if (contents.lidars.empty()) summary.sensors = maps::guess_sensors(first);
   for (const Eigen::Vector3f& p : first.cloud.positions)
     summary.first_scan_bounds.extend(p.cast<double>());
+  summary.imu = imu_summary(contents);
   summary.check = maps::check_drive(drive);
   return summary;
 }

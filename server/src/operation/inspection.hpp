@@ -34,6 +34,19 @@ struct MapSummary {
 };
 
 /// What a drive holds.
+/// The IMU of a drive.
+struct ImuSummary {
+  /// Topic or file.
+  std::string source;
+  std::size_t readings = 0;
+  double rate_hz = 0.0;
+  double longest_gap_s = 0.0;
+  /// First reading against the first scan, and last against the last, by their stamps [s]: < 0 is
+  /// earlier.
+  double first_s = 0.0;
+  double last_s = 0.0;
+};
+
 struct DriveSummary {
   maps::DriveLayout layout = maps::DriveLayout::kScanFolder;
   std::size_t scans = 0;
@@ -57,6 +70,7 @@ struct DriveSummary {
   /// What the scans may be of, by name.
   std::vector<std::string> sensors;
   Eigen::AlignedBox3d first_scan_bounds;
+  std::optional<ImuSummary> imu;
   std::vector<std::string> notes;
   maps::DriveCheck check;
 };

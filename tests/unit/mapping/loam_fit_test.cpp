@@ -77,7 +77,7 @@ TEST(LoamSurfaces, OfNeighboursAreToldByTheirEigenvalues) {
 
 Vector3 to_before(const Motion& T, double share, const Vector3& X) {
   PartOfMotion part(T);
-  part.go_to(share);
+  part.go_to({share, share});
   return part * X;
 }
 
@@ -89,7 +89,7 @@ TEST(LoamMotion, JacobianIsThatOfNumericDifferences) {
       T << random_point(random, 2.0), random_point(random, k == 0 ? 1e-6 : 0.5);
       const Vector3 X = random_point(random, 30.0);
       PartOfMotion part(T);
-      part.go_to(share);
+      part.go_to({share, share});
       const auto J = part.jacobian(X);
       constexpr double kStep = 1e-6;
       for (int c = 0; c < 6; ++c) {
@@ -123,14 +123,14 @@ std::vector<Correspondence> exact(const Motion& T, bool walls, std::uint64_t see
     const Vector3 at = random_point(random, 20.0);
     const int axis = walls ? k % 3 : 1 + k % 2;
     Correspondence c;
-    c.share = random.uniform(0.5, 1.5);
+    c.share.way = c.share.turn = random.uniform(0.5, 1.5);
     if (walls && k % 10 == 0) {
       c.surface = *line_through(at, at + Vector3(0.0, 0.0, 1.0));
     } else {
       const Vector3 u = Vector3::Unit((axis + 1) % 3), v = Vector3::Unit((axis + 2) % 3);
       c.surface = *plane_through(at, at + u, at + v);
     }
-    c.X = rotation(c.share * T.tail<3>()).transpose() * (at - c.share * T.head<3>());
+    c.X = rotation(c.share.turn * T.tail<3>()).transpose() * (at - c.share.way * T.head<3>());
     all.push_back(c);
   }
   return all;

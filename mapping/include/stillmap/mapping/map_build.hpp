@@ -151,6 +151,8 @@ struct MapBuildResult {
   /// What a person should look at: edits that met nothing, work of a killed build that was thrown
   /// away, a `min_range_m` that leaves out much, hidden scans.
   std::vector<std::string> warnings;
+  /// What was found of the drives' IMUs, for people.
+  std::vector<std::string> notes;
   /// With `register_to`.
   std::optional<maps::Registration> registration;
   std::string digest;

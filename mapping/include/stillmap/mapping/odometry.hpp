@@ -71,6 +71,10 @@ class Odometry {
   /// the next `add`: the scan is looked for there, and stays there along what it does not tell.
   /// A method may leave it unused. @param T_before_this  finite.
   virtual void expect(const Eigen::Isometry3d& T_before_this) { (void)T_before_this; }
+  /// How the sensor turned since the scan before, where a gyroscope tells it, before the next
+  /// `add`: the scan is looked for at this orientation, and where the speed leads.
+  /// @param R_before_this  a rotation.
+  virtual void turned(const Eigen::Matrix3d& R_before_this) = 0;
   /// The next scan. @param prepared  by this object. Stamps must increase.
   /// @throws std::invalid_argument naming a stamp that does not increase.
   [[nodiscard]] virtual OdometryPose add(const Prepared& prepared) = 0;

@@ -140,6 +140,8 @@ struct TreatedPoints {
 
 struct OdometryEvaluation {
   OdometryEvaluationOptions options;
+  /// The drive's own, and what was found of its IMU.
+  std::vector<std::string> notes;
   std::size_t scans = 0;
   double seconds = 0.0;
   /// Wall time of odometry with reading its scans, what is done to their points, and key frames.

@@ -4,6 +4,7 @@
 #include "evaluation/odometry/loop_scores.hpp"
 #include "evaluation/odometry/trajectory_errors.hpp"
 #include "evaluation/odometry/treated_scans.hpp"
+#include "odometry/imu_clock.hpp"
 
 #include <fmt/format.h>
 #include <stillmap/mapping/trajectory.hpp>
@@ -132,13 +133,14 @@ std::vector<std::string> OdometryEvaluationOptions::violations() const {
   return broken;
 }
 
-OdometryEvaluation evaluate_odometry(const maps::Drive& drive,
+OdometryEvaluation evaluate_odometry(const maps::Drive& given,
                                      const OdometryEvaluationOptions& options,
                                      const std::filesystem::path& scratch,
                                      const ProgressCallback& progress, const CancelFlag& cancel) {
   const Clock::time_point began = Clock::now();
-  const std::vector<std::size_t> scans = options.selection.indices(drive.size());
-  check(drive, options, scans);
+  const std::vector<std::size_t> scans = options.selection.indices(given.size());
+  check(given, options, scans);
+  const maps::Drive drive = with_fitted_imu(given, options.threads, progress, cancel);
   const TreatedScans treated(drive, options.movable, options.detector, scans, cancel);
   TrajectoryOptions trajectory;
   trajectory.odometry = options.method;
@@ -153,6 +155,7 @@ OdometryEvaluation evaluate_odometry(const maps::Drive& drive,
   OdometryEvaluation evaluation;
   evaluation.options = options;
   evaluation.scans = scans.size();
+  evaluation.notes = drive.contents().notes;
   evaluation.odometry_seconds = estimate.odometry_seconds;
   evaluation.loop_seconds = estimate.loop_seconds;
   evaluation.graph_seconds = estimate.graph_seconds;

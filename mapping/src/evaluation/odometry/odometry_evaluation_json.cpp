@@ -57,6 +57,7 @@ std::string to_json(const OdometryEvaluation& evaluation) {
   json["keyframes"] = evaluation.keyframes.size();
   json["without_loops"] = errors_json(evaluation.odometry);
   json["with_loops"] = evaluation.corrected ? errors_json(*evaluation.corrected) : Json(nullptr);
+  json["notes"] = evaluation.notes;
   json["scans"] = evaluation.scans;
   json["seconds"] = evaluation.seconds;
   json["stage_seconds"] = {{"odometry", evaluation.odometry_seconds},

@@ -76,6 +76,7 @@ OdometryPose DirectFollower::add(const ThinnedScan& scan) {
   }
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
   expected_.reset();
+  turned_.reset();
   last_content_ = scan.content;
   return pose;
 }
@@ -89,9 +90,14 @@ Vector6d DirectFollower::twist_to(const Eigen::Isometry3d& T_odom_lidar,
 }
 
 DirectFollower::Prediction DirectFollower::by_speed(double seconds, double step_s) const {
-  return {maps::renormalized(last_.T_odom_lidar *
-                             maps::exp_se3(last_.twist * std::min(seconds, ScanPeriod::kMaxGapS))),
-          off_after(step_s + hidden_s_, off_rate2_), last_.twist};
+  Vector6d motion = last_.twist * std::min(seconds, ScanPeriod::kMaxGapS);
+  Vector6d twist = last_.twist;
+  if (turned_) {
+    motion.tail<3>() = maps::log_so3(*turned_);
+    twist.tail<3>() = motion.tail<3>() / step_s;
+  }
+  return {maps::renormalized(last_.T_odom_lidar * maps::exp_se3(motion)),
+          off_after(step_s + hidden_s_, off_rate2_), twist};
 }
 
 std::optional<DirectFollower::Prediction> DirectFollower::as_expected(

@@ -31,6 +31,7 @@ class DirectFollower {
 
   void start_with(const Vector6d& twist_lidar);
   void expect(const Eigen::Isometry3d& T_before_this) { expected_ = T_before_this; }
+  void turned(const Eigen::Matrix3d& R_before_this) { turned_ = R_before_this; }
   [[nodiscard]] OdometryPose add(const ThinnedScan& scan);
   /// Whether the last scan lay on surfaces.
   [[nodiscard]] bool on_surfaces() const { return usual_.on_surfaces(); }
@@ -70,7 +71,7 @@ class DirectFollower {
   /// Motion of the sensor since the last scan that was not hidden as a rate; as it was, over a gap.
   [[nodiscard]] Vector6d twist_to(const Eigen::Isometry3d& T_odom_lidar,
                                   const ScanPeriod::Step& step) const;
-  /// Where the speed leads in so long.
+  /// Where the speed leads in so long, with the turn that a gyroscope tells.
   [[nodiscard]] Prediction by_speed(double seconds, double step_s) const;
   /// Where the sensor is said to have moved.
   [[nodiscard]] std::optional<Prediction> as_expected(const ScanPeriod::Step& step) const;
@@ -122,6 +123,8 @@ class DirectFollower {
   /// See `expect`, and the mean square of how fast that went astray.
   std::optional<Eigen::Isometry3d> expected_;
   double expected_off_rate2_ = kStartOffRate * kStartOffRate;
+  /// See `turned`.
+  std::optional<Eigen::Matrix3d> turned_;
   /// How long some direction has not been told.
   double untold_s_ = 0.0;
   LostDirections directions_;

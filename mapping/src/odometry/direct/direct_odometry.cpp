@@ -27,6 +27,10 @@ class DirectOdometry : public Odometry {
     follower_.expect(T_before_this);
     if (candidate_) candidate_->expect(T_before_this);
   }
+  void turned(const Eigen::Matrix3d& R_before_this) override {
+    follower_.turned(R_before_this);
+    if (candidate_) candidate_->turned(R_before_this);
+  }
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
 
  private:

@@ -3,6 +3,7 @@
 #include "odometry/hidden_scan.hpp"
 
 #include <stillmap/localization/thinning.hpp>
+#include <stillmap/maps/imu.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -42,12 +43,16 @@ ThinnedScan thinned(const maps::Scan& scan) {
   ThinnedScan out;
   out.stamp_ns = scan.stamp_ns;
   out.source = scan.source;
+  out.dense.turn = out.sparse.turn = scan.cloud.turn;
   for (const std::size_t i : thinned(scan.cloud, kDenseCellM, kFewDense))
     append(scan.cloud, i, out.dense);
   const std::vector<std::size_t> cells = thinned(out.dense, kSparseCellM, kFewSparse);
   const std::size_t count = std::min(cells.size(), kMostSparse);
   for (std::size_t i = 0; i < count; ++i)
     append(out.dense, cells[i * cells.size() / count], out.sparse);
+  // Once, instead of each time that they are deskewed.
+  maps::turn_to_stamp(out.dense);
+  maps::turn_to_stamp(out.sparse);
   out.shell = is_shell(out.dense.positions);
   out.content = content_of(scan.cloud);
   return out;

@@ -181,7 +181,7 @@ Features find_features(const maps::PointCloud& cloud, const Rings& rings) {
       for (const std::uint32_t i : from) {
         const std::uint32_t p = points[i];
         const float time_s = cloud.time_offsets_s.empty() ? 0.0F : cloud.time_offsets_s[p];
-        to.push_back({cloud.positions[p], time_s, static_cast<std::uint32_t>(r)});
+        to.push_back({cloud.positions[p], time_s, static_cast<std::uint32_t>(r), false});
       }
     };
     append(selection.edges, features.edges);
@@ -191,6 +191,17 @@ Features find_features(const maps::PointCloud& cloud, const Rings& rings) {
     append(smooth, features.less_flat);
   }
   return features;
+}
+
+void turn_to_stamp(Features& features, const maps::SweepTurn* turn) {
+  if (turn == nullptr) return;
+  for (std::vector<Feature>* all :
+       {&features.edges, &features.planes, &features.less_sharp, &features.less_flat}) {
+    for (Feature& feature : *all) {
+      feature.position = turn->at(feature.time_s) * feature.position;
+      feature.is_turned = true;
+    }
+  }
 }
 
 std::vector<Feature> thinned(const std::vector<Feature>& features, double voxel_m) {

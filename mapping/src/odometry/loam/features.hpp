@@ -2,6 +2,8 @@
 
 #include "odometry/loam/rings.hpp"
 
+#include <stillmap/maps/imu.hpp>
+
 #include <Eigen/Core>
 
 #include <cstddef>
@@ -28,6 +30,8 @@ struct Feature {
   /// Relative to the scan's stamp [s].
   float time_s = 0.0F;
   std::uint32_t ring = 0;
+  /// In the axes of the lidar at the stamp, as a gyroscope tells: only the way is to be removed.
+  bool is_turned = false;
 };
 
 /// Features of a sweep, ring by ring in order of the turn.
@@ -50,6 +54,9 @@ struct Features {
 
 /// @param rings  of `cloud`.
 [[nodiscard]] Features find_features(const maps::PointCloud& cloud, const Rings& rings);
+
+/// Turns features to the lidar's axes at the stamp. @param turn  null leaves them as they are.
+void turn_to_stamp(Features& features, const maps::SweepTurn* turn);
 
 /// The first feature of each voxel, in their order.
 [[nodiscard]] std::vector<Feature> thinned(const std::vector<Feature>& features, double voxel_m);

@@ -75,12 +75,15 @@ class LoamOdometry : public Odometry {
     start_twist_ = twist_lidar;
     off2_m2_ = kStartOffM * kStartOffM;
   }
+  void turned(const Eigen::Matrix3d& R_before_this) override { turned_ = R_before_this; }
   [[nodiscard]] OdometryPose add(const Prepared& prepared) override;
 
  private:
   [[nodiscard]] double off_m() const {
     return std::clamp(kOffDeviations * std::sqrt(off2_m2_), kLeastOffM, kFirstOffM);
   }
+  /// Since the last scan, by its speed and what a gyroscope tells.
+  [[nodiscard]] Eigen::Isometry3d predicted_step(double period_s) const;
   void place(const PreparedFeatures& scan, double period_s, OdometryPose& pose);
   [[nodiscard]] loam::SweepMatch since_last(const PreparedFeatures& scan, double period_s);
   [[nodiscard]] loam::MapMatch refine(const PreparedFeatures& scan, double period_s,
@@ -101,6 +104,8 @@ class LoamOdometry : public Odometry {
   std::optional<loam::PreviousSweep> previous_;
   /// See `start_with`.
   std::optional<Vector6> start_twist_;
+  /// See `turned`.
+  std::optional<Eigen::Matrix3d> turned_;
   /// Without it the first sweep until the next has told how the sensor moved.
   std::optional<loam::Features> first_;
   loam::FeatureMaps map_{{kEdgeCellM, kEdgeVoxelM}, {kPlaneCellM, kPlaneVoxelM}};
@@ -134,6 +139,8 @@ std::unique_ptr<Odometry::Prepared> LoamOdometry::prepare(const maps::Scan& scan
   } else {
     prepared->features = loam::find_features(scan.cloud, loam::find_rings(scan));
   }
+  // Once, instead of each time that they are moved to the stamp.
+  loam::turn_to_stamp(prepared->features, scan.cloud.turn.get());
   prepared->edges = loam::thinned(prepared->features.less_sharp, kMatchedEdgeVoxelM);
   prepared->planes = loam::thinned(prepared->features.less_flat, kMatchedPlaneVoxelM);
   return prepared;
@@ -153,12 +160,19 @@ OdometryPose LoamOdometry::add(const Prepared& prepared) {
   pose.hidden = scan.shell;
   take(scan, pose);
   last_ = Last{pose.T_odom_lidar, pose.twist_lidar};
+  turned_.reset();
   return pose;
+}
+
+Eigen::Isometry3d LoamOdometry::predicted_step(double period_s) const {
+  Vector6 motion = last_->twist * period_s;
+  if (turned_) motion.tail<3>() = maps::log_so3(*turned_);
+  return maps::exp_se3(motion);
 }
 
 loam::SweepMatch LoamOdometry::since_last(const PreparedFeatures& scan, double period_s) {
   loam::SweepMatch match;
-  match.T = loam::motion(maps::exp_se3(last_->twist * period_s));
+  match.T = loam::motion(predicted_step(period_s));
   if (!previous_) return match;
   // The first sweep is skewed by a motion that only the next one tells.
   for (int round = 0; round < (first_ ? kFirstRounds : 1); ++round) {
@@ -192,7 +206,7 @@ Eigen::Isometry3d LoamOdometry::after(const loam::SweepMatch& sweep,
 void LoamOdometry::search_turns(const PreparedFeatures& scan, double period_s,
                                 loam::SweepMatch& sweep, loam::MapMatch& match) const {
   if (!previous_ || scan.planes.empty()) return;
-  const Eigen::Isometry3d T_step = maps::exp_se3(last_->twist * period_s);
+  const Eigen::Isometry3d T_step = predicted_step(period_s);
   for (const double turn_rad : kTurnsRad) {
     Eigen::Isometry3d T_start = T_step;
     T_start.rotate(Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()));
@@ -208,7 +222,7 @@ void LoamOdometry::search_turns(const PreparedFeatures& scan, double period_s,
 
 void LoamOdometry::place(const PreparedFeatures& scan, double period_s, OdometryPose& pose) {
   const Eigen::Isometry3d T_predicted =
-      maps::renormalized(last_->T_odom_lidar * maps::exp_se3(last_->twist * period_s));
+      maps::renormalized(last_->T_odom_lidar * predicted_step(period_s));
   loam::SweepMatch sweep = since_last(scan, period_s);
   map_first();
   loam::MapMatch match = refine(scan, period_s, after(sweep, T_predicted));

@@ -30,7 +30,7 @@ std::vector<Correspondence> map_correspondences(const std::vector<Feature>& edge
     const FeatureMap::Neighbours near = map.nearest(q);
     if (near.count < kMapNeighbours) return;
     const auto surface = fit(near.span(), q);
-    if (surface) out.push_back({X, 1.0, seen_from(*surface, T_odom_lidar)});
+    if (surface) out.push_back({X, {}, seen_from(*surface, T_odom_lidar)});
   };
   for (const Feature& f : edges) add(f, maps.edges, line_of);
   for (const Feature& f : planes) add(f, maps.planes, plane_of);

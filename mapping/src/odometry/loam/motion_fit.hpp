@@ -18,7 +18,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 struct Correspondence {
   /// As measured [m], at `share` of the motion.
   Eigen::Vector3d X = Eigen::Vector3d::Zero();
-  double share = 1.0;
+  Share share;
   /// In the frame that the motion leads to.
   Surface surface;
 };

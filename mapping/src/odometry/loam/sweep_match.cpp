@@ -23,7 +23,8 @@ std::vector<Correspondence> correspondences(const Features& features, double per
   const auto add = [&](const Feature& f, const auto& search) {
     Correspondence c;
     c.X = f.position.cast<double>();
-    c.share = share_of(f.time_s, period_s);
+    c.share.way = share_of(f.time_s, period_s);
+    c.share.turn = f.is_turned ? 1.0 : c.share.way;
     part.go_to(c.share);
     const auto surface = search((part * c.X).cast<float>());
     if (!surface) return;
@@ -47,6 +48,11 @@ std::vector<Feature> at_stamp(const std::vector<Feature>& features,
   Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
   float time_s = 0.0F;
   for (Feature& f : out) {
+    if (f.is_turned) {
+      f.position += (twist_lidar.head<3>() * static_cast<double>(f.time_s)).cast<float>();
+      f.time_s = 0.0F;
+      continue;
+    }
     if (f.time_s != time_s) {
       time_s = f.time_s;
       T = maps::exp_se3(twist_lidar * static_cast<double>(time_s)).cast<float>();

@@ -35,17 +35,17 @@ Eigen::Matrix3d rotation(const Eigen::Vector3d& theta) {
          ((1.0 - std::cos(a)) / (a * a)) * K * K;
 }
 
-void PartOfMotion::set(double share) {
+void PartOfMotion::set(const Share& share) {
   share_ = share;
-  const Eigen::Vector3d theta = share * T_.tail<3>();
+  const Eigen::Vector3d theta = share.turn * T_.tail<3>();
   R_ = rotation(theta);
-  t_ = share * T_.head<3>();
-  turn_ = share * right_jacobian(theta);
+  t_ = share.way * T_.head<3>();
+  turn_ = share.turn * right_jacobian(theta);
 }
 
 Eigen::Matrix<double, 3, 6> PartOfMotion::jacobian(const Eigen::Vector3d& X) const {
   Eigen::Matrix<double, 3, 6> J;
-  J.leftCols<3>() = share_ * Eigen::Matrix3d::Identity();
+  J.leftCols<3>() = share_.way * Eigen::Matrix3d::Identity();
   J.rightCols<3>() = -R_ * hat(X) * turn_;
   return J;
 }

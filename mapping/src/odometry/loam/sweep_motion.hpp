@@ -19,12 +19,21 @@ using Motion = Eigen::Matrix<double, 6, 1>;
   return 1.0 + time_s / period_s;
 }
 
+/// How much of a sweep's motion a point has behind it. Of points that a gyroscope has turned to the
+/// stamp already it is the whole turn.
+struct Share {
+  double way = 1.0;
+  double turn = 1.0;
+
+  bool operator==(const Share&) const = default;
+};
+
 /// The motion up to some share of it, eq. (4) and (5): X_before = R(s theta) X + s t. Points of one
 /// share after another cost one rotation.
 class PartOfMotion {
  public:
-  explicit PartOfMotion(const Motion& T) : T_(T) { set(1.0); }
-  void go_to(double share) {
+  explicit PartOfMotion(const Motion& T) : T_(T) { set({}); }
+  void go_to(const Share& share) {
     if (share != share_) set(share);
   }
   [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& X) const { return R_ * X + t_; }
@@ -32,10 +41,10 @@ class PartOfMotion {
   [[nodiscard]] Eigen::Matrix<double, 3, 6> jacobian(const Eigen::Vector3d& X) const;
 
  private:
-  void set(double share);
+  void set(const Share& share);
 
   Motion T_;
-  double share_ = 1.0;
+  Share share_;
   Eigen::Matrix3d R_;
   Eigen::Vector3d t_;
   /// s J_r(s theta), J_r the right Jacobian of SO(3).

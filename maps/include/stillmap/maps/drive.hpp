@@ -17,6 +17,8 @@
 
 namespace stillmap::maps {
 
+struct Imu;
+
 /// Native layouts that are told apart by content.
 enum class DriveLayout {
   kKittiRaw,
@@ -85,6 +87,8 @@ class Drive {
     /// none.
     Eigen::Vector3d position_step_m = Eigen::Vector3d::Zero();
     std::optional<GeodeticOrigin> origin;
+    /// Readings of an IMU that is fixed to the lidar (`imu.hpp`). Null without one.
+    std::shared_ptr<const Imu> imu;
     /// When a spinning sensor's sweep starts and ends: {start_s < 0, end_s > 0} [s] relative to the
     /// stamp, one pair a scan; {0, 0} when the scan's points count as taken at once. The sensor
     /// turns clockwise seen from above and faces backward at both ends, so a point at azimuth a =
@@ -114,11 +118,11 @@ class Drive {
   /// and noted.
   ///
   /// If a bag leaves more than one choice, it is made in `topics.txt` of the bag's folder, or
-  /// behind the path: `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of
-  /// them. `stamps=recorded` takes the times at which the recorder wrote the clouds, where the
-  /// stamps of their headers are wrong. `poses` may be a topic of tf, or `none`. `pose_frame` is
-  /// the frame of the poses, if the messages do not name it or name a wrong one. `gnss` is a topic
-  /// of NavSatFix; it turns the poses to east-north-up.
+  /// behind the path: `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix&imu=/imu`,
+  /// any of them. `stamps=recorded` takes the times at which the recorder wrote the clouds, where
+  /// the stamps of their headers are wrong. `poses` may be a topic of tf, or `none`. `pose_frame`
+  /// is the frame of the poses, if the messages do not name it or name a wrong one. `gnss` is a
+  /// topic of NavSatFix; it turns the poses to east-north-up. `imu` is a topic of Imu, or `none`.
   ///
   /// Folders of *.bin whose points are not x y z intensity: `FOLDER?columns=xyzir`, a letter for
   /// each float32 (`ScanFileHints::bin_columns`).
@@ -167,6 +171,9 @@ class Drive {
   /// @throws std::invalid_argument for another number of poses or one that is not finite.
   [[nodiscard]] Drive with_poses(std::vector<Eigen::Isometry3d> T_map_lidar,
                                  const std::optional<GeodeticOrigin>& origin) const;
+  /// The same drive with another IMU; null for none. With one that has a `fit`, scans that have
+  /// times are read with the `PointCloud::turn` of their sweep.
+  [[nodiscard]] Drive with_imu(std::shared_ptr<const Imu> imu) const;
 
   /// Reads one scan; NaN, infinite and zero-range points are dropped and counted.
   /// @throws InputError for a broken file (truncated, unknown fields, ...), StorageError for the

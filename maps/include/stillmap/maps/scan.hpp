@@ -3,10 +3,13 @@
 #include <Eigen/Core>
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace stillmap::maps {
+
+class SweepTurn;
 
 /// Points of one frame, with the attributes that came with them.
 struct PointCloud {
@@ -17,6 +20,9 @@ struct PointCloud {
   /// N times [s] relative to the scan's stamp, or empty when the layout does not tell. All zero:
   /// taken at one instant, or deskewed.
   std::vector<float> time_offsets_s;
+  /// How the lidar turned during the sweep, where an IMU tells it; null elsewhere. `deskew` turns
+  /// by it instead of by a constant rate.
+  std::shared_ptr<const SweepTurn> turn;
   /// N positions in the file, ascending; empty when nothing of the file was left out.
   std::vector<std::uint32_t> file_indices;
   /// Of a drive with several lidars: N numbers in `lidar_origins`, of the lidar that took each

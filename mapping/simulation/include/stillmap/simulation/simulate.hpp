@@ -38,6 +38,13 @@ struct SimulationOptions {
   /// The vehicle stands beside the lane where it would begin to drive, for the whole drive: all
   /// poses are equal.
   bool standing = false;
+  /// What carries the sensor: `vehicle`; `fast`, a vehicle at twice the speed on rough ground;
+  /// `hand`, a person who walks beside the lane and looks around.
+  std::string carrier = "vehicle";
+  /// Also writes `imu.csv`, the readings of an IMU with errors and a clock of its own (see
+  /// mapping/simulation/README.md). Layout `pcd` only: the points of the others are at one instant,
+  /// or have no times.
+  bool imu = false;
   /// Scans taken; 1 to 10000.
   std::size_t scans = 100;
   /// `kitti-odometry`, `kitti-raw` or `pcd`.

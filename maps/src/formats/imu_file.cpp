@@ -1,0 +1,105 @@
+#include <stillmap/maps/imu.hpp>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/text.hpp>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <string>
+#include <string_view>
+
+namespace stillmap::maps {
+namespace {
+
+constexpr std::string_view kImuHeader = "stamp_ns,wx,wy,wz,ax,ay,az";
+constexpr std::array<std::string_view, 7> kImuColumns{"stamp_ns", "wx", "wy", "wz",
+                                                      "ax",       "ay", "az"};
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t begin = std::min(text.find_first_not_of(" \t\r"), text.size());
+  text.remove_prefix(begin);
+  return text.substr(0, text.find_last_not_of(" \t\r") + 1);
+}
+
+std::vector<std::string_view> cells_of(std::string_view line) {
+  std::vector<std::string_view> cells;
+  while (cells.size() < 64) {
+    const std::size_t end = line.find(',');
+    cells.push_back(trimmed(line.substr(0, end)));
+    if (end == std::string_view::npos) break;
+    line.remove_prefix(end + 1);
+  }
+  return cells;
+}
+
+/// The file's first line; lines of columns are short.
+std::string first_line(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  std::string line(4096, '\0');
+  stream.read(line.data(), static_cast<std::streamsize>(line.size()));
+  if (stream.bad()) throw StorageError(file.string(), "cannot be read");
+  line.resize(static_cast<std::size_t>(stream.gcount()));
+  return line.substr(0, line.find('\n'));
+}
+
+/// Where each of `kImuColumns` stands.
+std::array<std::size_t, 7> places_of(std::string_view header, const std::string& file) {
+  const std::vector<std::string_view> cells = cells_of(header);
+  std::array<std::size_t, 7> places{};
+  for (std::size_t i = 0; i < kImuColumns.size(); ++i) {
+    const auto at = std::ranges::find(cells, kImuColumns[i]);
+    if (at == cells.end())
+      throw InputError(file, "no column " + std::string(kImuColumns[i]) + " in " + quoted(header),
+                       "a first line that names the columns " + std::string(kImuHeader));
+    places[i] = static_cast<std::size_t>(at - cells.begin());
+  }
+  return places;
+}
+
+}  // namespace
+
+bool has_imu_columns(const std::filesystem::path& file) {
+  const std::string line = first_line(file);
+  const std::vector<std::string_view> cells = cells_of(line);
+  return std::ranges::all_of(kImuColumns, [&](std::string_view name) {
+    return std::ranges::find(cells, name) != cells.end();
+  });
+}
+
+std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
+  const std::string text = read_text(file, std::uintmax_t{4} << 30U);
+  std::string_view rest = text;
+  const auto header = take_line(rest);
+  const std::array<std::size_t, 7> places = places_of(header.value_or(""), file.string());
+  const std::size_t columns = *std::ranges::max_element(places) + 1;
+  std::vector<ImuReading> readings;
+  for (std::size_t number = 2; const auto line = take_line(rest); ++number) {
+    if (trimmed(*line).empty()) continue;
+    const std::vector<std::string_view> cells = cells_of(*line);
+    if (cells.size() < columns)
+      throw InputError(place(file, number), quoted(*line),
+                       std::to_string(columns) + " columns, as the first line names");
+    ImuReading& reading = readings.emplace_back();
+    const auto number_in = [&](std::size_t name) {
+      const auto value = parse_number(cells[places[name]]);
+      if (!value)
+        throw InputError(place(file, number), quoted(cells[places[name]]),
+                         "a number as " + std::string(kImuColumns[name]));
+      return static_cast<float>(*value);
+    };
+    const std::string_view stamp = cells[places[0]];
+    const bool is_negative = stamp.starts_with('-');
+    const auto count = parse_count(stamp.substr(is_negative ? 1 : 0));
+    if (!count || *count > static_cast<std::uint64_t>(INT64_MAX))
+      throw InputError(place(file, number), quoted(stamp), "a whole number of ns as stamp_ns");
+    reading.stamp_ns = (is_negative ? -1 : 1) * static_cast<std::int64_t>(*count);
+    for (int axis = 0; axis < 3; ++axis) {
+      reading.rate_radps[axis] = number_in(1 + static_cast<std::size_t>(axis));
+      reading.force_mps2[axis] = number_in(4 + static_cast<std::size_t>(axis));
+    }
+  }
+  return readings;
+}
+
+}  // namespace stillmap::maps
