@@ -40,6 +40,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const Eigen::Isometry3d& T : *poses) require_rigid(T);
   }
   static_cast<void>(fuzz::taken<maps::InputError>([&] { return maps::read_times(file); }));
-  static_cast<void>(fuzz::taken<maps::InputError>([&] { return maps::poses_format(file); }));
+  static_cast<void>(fuzz::taken<maps::InputError>([&] { return maps::read_pose_file(file); }));
   return 0;
 }

@@ -9,12 +9,14 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr std::string_view kExpected = "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME or gnss=TOPIC";
+constexpr std::string_view kExpected =
+    "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME, gnss=TOPIC or points=map";
 
 std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
   if (word == "cloud") return &choice.cloud;
   if (word == "poses") return &choice.poses;
   if (word == "gnss") return &choice.gnss;
+  if (word == "points") return &choice.points;
   return word == "pose_frame" ? &choice.pose_frame : nullptr;
 }
 
@@ -46,6 +48,7 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
   if (!choice.poses) choice.poses = own.poses;
   if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
   if (!choice.gnss) choice.gnss = own.gnss;
+  if (!choice.points) choice.points = own.points;
   return choice;
 }
 

@@ -17,10 +17,12 @@ struct BagChoice {
   std::optional<std::string> pose_frame;
   /// Topic of NavSatFix that says where the poses lie on the Earth.
   std::optional<std::string> gnss;
+  /// "map" or "sensor": the frame of the clouds' points, whatever their messages say.
+  std::optional<std::string> points;
 };
 
-/// `cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix`, any of them, parted by `&` or
-/// newlines.
+/// `cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix&points=map`, any of them, parted by
+/// `&` or newlines.
 /// @param source  for messages. @throws InputError for anything else.
 [[nodiscard]] BagChoice parse_bag_choice(std::string_view text, const std::string& source);
 

@@ -8,10 +8,12 @@ namespace stillmap::maps {
 /// Where a drive lies, and what is chosen of it behind the last `?`.
 struct Address {
   std::filesystem::path place;
-  /// `word=value` parted by `&`, without the sensor's.
+  /// `word=value` parted by `&`, without the two below.
   std::string words;
   /// Of `sensor=NAME`; empty without it.
   std::string sensor;
+  /// Of `points=map`, the frame of the points; empty without it.
+  std::string points;
 };
 
 [[nodiscard]] Address address_of(const std::filesystem::path& root);

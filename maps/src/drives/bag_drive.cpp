@@ -106,6 +106,14 @@ const std::string& cloud_topic(const BagSurvey& survey, const BagChoice& choice,
                    "messages of sensor_msgs/msg/PointCloud2: choose or record a topic of them");
 }
 
+std::optional<PointsFrame> points_frame_of(const BagChoice& choice, const std::string& name) {
+  if (!choice.points) return std::nullopt;
+  const auto frame = parse_points_frame(*choice.points);
+  if (!frame)
+    throw InputError(name, "'points=" + *choice.points + "'", "points=map or points=sensor");
+  return frame;
+}
+
 void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {
   const TopicSurvey& topic = survey.topics.at(scans.topic);
   for (const auto& bag : scans.bags)
@@ -186,6 +194,48 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
       set_position_step(contents, factor.moving);
 }
 
+/// Clouds that are registered by their frames: whether their points are, told by the scans.
+/// @return whether the poses can be used.
+bool set_points_frame(Drive::Contents& contents, const BagPoses& poses,
+                      const std::optional<PointsFrame>& chosen) {
+  if (!poses.T_map_points && chosen != PointsFrame::kMap) return true;
+  const Eigen::Isometry3d T_map_points = poses.T_map_points.value_or(Eigen::Isometry3d::Identity());
+  std::optional<PointsFrameOverlap> overlap;
+  if (!chosen) overlap = overlap_by_points_frame(contents, contents.T_map_lidar, T_map_points);
+  const std::optional<PointsFrame> found = chosen || !overlap ? chosen : overlap->frame();
+  if (poses.only_if_overlapping && found != PointsFrame::kMap) return false;
+  std::string shares = chosen ? "as was chosen" : "as their messages say";
+  if (overlap)
+    shares = fmt::format("scans overlap by {:.0f} % so, and by {:.0f} % as points of the sensor",
+                         100.0 * overlap->as_map, 100.0 * overlap->as_sensor);
+  const std::string clouds = fmt::format("clouds of {} name '{}', the frame that the poses are in",
+                                         contents.entries.topic, contents.entries.frame_id);
+  if (found == PointsFrame::kSensor) {
+    contents.notes.push_back(
+        fmt::format("{}, but are taken as points of the sensor ({}); points=map decides otherwise",
+                    clouds, shares));
+    return true;
+  }
+  read_points_from_map(contents, T_map_points);
+  contents.notes.push_back(fmt::format(
+      "{}: their points are brought back to the sensor by its poses ({}); points=sensor decides "
+      "otherwise",
+      clouds, shares));
+  if (!poses.moving_frame.empty()) contents.entries.frame_id = poses.moving_frame;
+  return true;
+}
+
+/// Of tf that moves something below the clouds, but the clouds are not registered.
+void leave_out_poses(Drive::Contents& contents, const std::string& source) {
+  contents.T_map_lidar.clear();
+  contents.poses_have_stamps = false;
+  contents.position_step_m.setZero();
+  std::erase(contents.notes, "poses are those of " + source);
+  contents.notes.push_back(fmt::format(
+      "{} is not used for poses: the clouds are not registered by it; to use it, choose poses=/tf",
+      source));
+}
+
 DriveLayout layout_of(BagFormat format) {
   switch (format) {
     case BagFormat::kMcap:
@@ -210,6 +260,8 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   const std::string name = root.string();
   BagChoice choice = parse_bag_choice(words, name);
   if (fs::is_directory(root)) choice = with_choice_of_folder(std::move(choice), root);
+  const std::optional<PointsFrame> points =
+      choice_of_poses.points ? choice_of_poses.points : points_frame_of(choice, name);
   auto scans = std::make_shared<BagScans>();
   for (const fs::path& file : bag_files(root)) scans->bags.push_back(open_bag(file));
   BagSurvey found = survey(scans->bags);
@@ -230,11 +282,13 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   contents.entries.frame_id = clouds.frames.front();
   if (choice_of_poses.file) {
     set_poses(contents, *choice_of_poses.file, choice_of_poses.offset_ns);
+    if (points == PointsFrame::kMap) read_points_from_map(contents);
   } else if (const auto poses = find_poses({scans->bags, found, choice, clouds.frames.front(),
                                             taken_at(contents, choice_of_poses.offset_ns), name},
                                            contents.notes)) {
     set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
     contents.poses_have_stamps = true;
+    if (!set_points_frame(contents, *poses, points)) leave_out_poses(contents, poses->source);
   }
   leave_out_unordered(contents);
   place_by_gnss(contents, scans->bags, found, choice, name);

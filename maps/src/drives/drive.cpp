@@ -1,6 +1,7 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/pose_file.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 
@@ -13,11 +14,13 @@
 
 #include "drives/address.hpp"
 #include "drives/bag_drive.hpp"
+#include "drives/hdl_graph_slam.hpp"
 #include "drives/keyframes.hpp"
 #include "drives/kitti_odometry.hpp"
 #include "drives/kitti_raw.hpp"
 #include "drives/layout.hpp"
 #include "drives/mulran.hpp"
+#include "drives/points_frame.hpp"
 #include "drives/rawlog_drive.hpp"
 #include "drives/scan_folder.hpp"
 #include "formats/file_bytes.hpp"
@@ -32,11 +35,12 @@ struct LayoutReader {
 };
 
 // Layouts with folders of fixed names; a plain folder of scans is what is left.
-constexpr std::array<LayoutReader, 6> kNamedLayouts{{
+constexpr std::array<LayoutReader, 7> kNamedLayouts{{
     {DriveLayout::kKittiRaw, is_kitti_raw, open_kitti_raw},
     {DriveLayout::kKittiOdometry, is_kitti_odometry, open_kitti_odometry},
     {DriveLayout::kKeyframes, is_keyframes, open_keyframes},
     {DriveLayout::kMulran, is_mulran, open_mulran},
+    {DriveLayout::kHdlGraphSlam, is_hdl_graph_slam, open_hdl_graph_slam},
     {DriveLayout::kRosbag2, is_bag, nullptr},
     {DriveLayout::kRawlog, is_rawlog, nullptr},
 }};
@@ -53,12 +57,19 @@ LayoutReader reader_for(const std::filesystem::path& root) {
                      "one layout: move the files of the other away");
   }
   if (found.size() == 1) return found.front();
+  if (is_glim_dump(root))
+    throw InputError(root.string(), "a dump of GLIM, whose submaps are merged scans",
+                     "the scans themselves: give the bag that GLIM read, with --poses " +
+                         root.string() +
+                         "; to take GLIM's points as they are, write them as PLY in its "
+                         "offline_viewer and run stillmap import");
   if (is_scan_folder(root)) return {DriveLayout::kScanFolder, is_scan_folder, open_scan_folder};
   throw InputError(
       root.string(), "no layout that is known",
       "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
       "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
-      "global_pose.csv (MulRan), *.mcap, *.db3 or *.bag (bags), *.rawlog (MRPT), or *.pcd, "
+      "global_pose.csv (MulRan), 000000/cloud.pcd with 000000/data (hdl_graph_slam), *.mcap, *.db3 "
+      "or *.bag (bags), *.rawlog (MRPT), or *.pcd, "
       "*.ply or *.bin");
 }
 
@@ -80,13 +91,22 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
   }
 }
 
+std::optional<PointsFrame> points_frame_in(const Address& address) {
+  if (address.points.empty()) return std::nullopt;
+  const auto frame = parse_points_frame(address.points);
+  if (!frame)
+    throw InputError(address.place.string(), "'?points=" + address.points + "'",
+                     "points=map or points=sensor: the frame of the points in the files");
+  return frame;
+}
+
 Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
-  const auto& [place, words, sensor] = address;
+  const auto& [place, words, sensor, points] = address;
   if (std::filesystem::is_directory(place)) {
     const LayoutReader reader = reader_for(place);
     if (reader.open != nullptr && !words.empty())
       throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
-                       "its folder alone, or '?sensor=NAME': leave out the rest");
+                       "its folder alone, '?sensor=NAME' or '?points=map': leave out the rest");
     if (reader.open != nullptr) return reader.open(place, poses);
   }
   if (is_rawlog(place)) return open_rawlog_drive(place, words, poses);
@@ -118,6 +138,8 @@ std::string_view name_of(DriveLayout layout) {
       return "rosbag1";
     case DriveLayout::kMulran:
       return "mulran";
+    case DriveLayout::kHdlGraphSlam:
+      return "hdl_graph_slam";
     case DriveLayout::kRawlog:
       return "rawlog";
   }
@@ -128,9 +150,12 @@ Drive Drive::open(const std::filesystem::path& root,
                   const std::optional<std::filesystem::path>& poses_file,
                   std::int64_t pose_offset_ns) {
   const Address address = address_of(root);
-  Contents contents = open_place(address, {poses_file, pose_offset_ns});
+  const PosesChoice choice{poses_file, pose_offset_ns, points_frame_in(address)};
+  Contents contents = open_place(address, choice);
   if (pose_offset_ns != 0 && !contents.poses_have_stamps && !contents.T_map_lidar.empty())
     shift_poses_of_scans(contents, pose_offset_ns);
+  if (choice.points == PointsFrame::kMap && !contents.points_from_map)
+    read_points_from_map(contents);
   Drive drive(std::move(contents));
   return address.sensor.empty() ? drive : with_sensor(drive, sensor_preset(address.sensor));
 }
@@ -149,7 +174,10 @@ bool Drive::is_in(const std::filesystem::path& folder) {
 std::string Drive::Contents::scan_name(std::size_t index) const {
   std::string name = scan_files.at(index).filename().string();
   if (!entries.numbers.empty())
-    name += ' ' + entries.topic + ' ' + std::to_string(entries.numbers.at(index));
+    name += (entries.topic.empty() ? "" : ' ' + entries.topic) + ' ' +
+            std::to_string(entries.numbers.at(index));
+  // Scans that are read otherwise are called otherwise: what was found in them is not taken over.
+  if (points_from_map) name += " from map";
   return name;
 }
 
@@ -234,8 +262,8 @@ std::vector<std::uint32_t> Drive::read_labels(std::size_t index) const {
 
 std::optional<std::vector<std::optional<Eigen::Isometry3d>>> poses_of_some_scans(
     const Drive& drive, const std::filesystem::path& poses_file) {
-  if (poses_format(poses_file) != PosesFormat::kTum) return std::nullopt;
-  const Trajectory trajectory = read_tum_trajectory(poses_file);
+  const Trajectory trajectory = read_pose_file(poses_file).stamped;
+  if (trajectory.empty()) return std::nullopt;
   if (trajectory.size() >= drive.size()) return std::nullopt;
   const std::vector<std::int64_t>& stamps = drive.contents().stamps_ns;
   std::vector<std::optional<Eigen::Isometry3d>> poses(drive.size());

@@ -432,7 +432,7 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
       ->capture_default_str();
   command
       .add_option("--poses", options.poses_file,
-                  "Poses to use instead of the drive's own: KITTI or TUM, T_map_lidar")
+                  "Poses to use instead of the drive's own: KITTI, TUM, CSV or g2o, T_map_lidar")
       ->check(command_line::existing_file());
   command.add_option("--geo-origin", arguments.geo_origin,
                      "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "

@@ -27,6 +27,7 @@ enum class DriveLayout {
   kRosbag2,
   kRosbag1,
   kMulran,
+  kHdlGraphSlam,
   kRawlog
 };
 [[nodiscard]] std::string_view name_of(DriveLayout layout);
@@ -90,12 +91,16 @@ class Drive {
     /// at -end_s * a / pi for a <= 0: 0 straight ahead, at the stamp. Empty when the points are
     /// already at one instant or the layout does not tell.
     std::vector<std::array<double, 2>> spin_start_end_s;
+    /// The files hold registered scans: points in the frame of the poses. `read` brings each scan
+    /// back to the lidar frame by the pose that it was opened with. Its points have no times.
+    bool points_from_map = false;
     /// SemanticKITTI label file of each scan, or empty.
     std::vector<std::filesystem::path> label_files;
     /// What the reader did, for people: scans that it left out and why, what it assumed.
     std::vector<std::string> notes;
 
-    /// "000012.bin", or "drive.mcap /points 12". Unique within the drive.
+    /// "000012.bin", or "drive.mcap /points 12"; with "from map" behind it if `points_from_map`.
+    /// Unique within the drive.
     [[nodiscard]] std::string scan_name(std::size_t index) const;
   };
 
@@ -113,6 +118,10 @@ class Drive {
   /// the four. `poses` may be a topic of tf, or `none`. `pose_frame` is the frame of the poses, if
   /// the messages do not name it or name a wrong one. `gnss` is a topic of NavSatFix; it turns the
   /// poses to east-north-up.
+  ///
+  /// Points in the frame of the poses (registered scans) are recognised if a bag's frames or a
+  /// folder's VIEWPOINTs say so, and told from points of the sensor by how well scans overlap.
+  /// `?points=map` or `?points=sensor` behind any drive's path decides instead.
   /// @param poses_file  poses `T_map_lidar` instead of the layout's own. KITTI: 12 numbers, one
   /// line
   ///                    for each scan. TUM: 8 numbers, interpolated to the scans' stamps; scans

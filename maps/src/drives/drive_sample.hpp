@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "checks/pose_readings.hpp"
+#include "drives/pose_readings.hpp"
 
 namespace stillmap::maps {
 
