@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stillmap/maps/drive.hpp>
@@ -387,6 +388,40 @@ TEST_F(BagDriveWithGnss, TurnsTheMapToEastAndNorthWhereFixesAreChosen) {
     EXPECT_THAT(drive.contents().notes, AllOf(Contains(HasSubstr("turned by 30.0")),
                                               Contains(HasSubstr("2 messages of /fix left out"))));
   }
+}
+
+TEST_F(BagDriveWithGnss, ReadsALogOfNmeaBesideTheBag) {
+  antenna_ = {0.0, 0.0, 2.0};  // at the lidar
+  add_fixes();
+  const maps::Drive by_topic = open("?gnss=/fix");
+  std::string nmea;
+  for (int i = 0; i < 2 * kScans; ++i) {
+    const double at = 0.5 * i + 0.2;
+    const Eigen::Vector3d p_odom_antenna =
+        position(at) + Eigen::AngleAxisd(heading(at), Eigen::Vector3d::UnitZ()) * antenna_;
+    const maps::GeodeticOrigin place =
+        geodetic_of(utm_.to_utm(T_enu_odom() * p_odom_antenna), utm_.zone());
+    // 1,700,000,000 s after 1970 it was 22:13:20.
+    const double seconds = 20.0 + 0.05 * i + 0.02;
+    const auto angle = [](double degrees) {
+      const double whole = std::floor(std::abs(degrees));
+      return fmt::format("{:.9f}", 100.0 * whole + 60.0 * (std::abs(degrees) - whole));
+    };
+    nmea +=
+        fmt::format("$GNGGA,2213{:06.3f},{},S,{},E,4,12,0.8,{:.4f},M,30.0,M,,\n", seconds,
+                    angle(place.latitude_deg), angle(place.longitude_deg), place.altitude_m - 30.0);
+  }
+  folder_.write("track.nmea", nmea);
+  const maps::Drive by_log = open("?gnss=track.nmea");
+  ASSERT_TRUE(by_log.contents().origin);
+  EXPECT_LT(T_enu_enu(*by_topic.contents().origin, *by_log.contents().origin).translation().norm(),
+            0.01);
+  EXPECT_LT((by_log.T_map_lidar(30).translation() - by_topic.T_map_lidar(30).translation()).norm(),
+            0.01);
+  EXPECT_THAT(by_log.contents().notes, Contains(HasSubstr("track.nmea tells no date")));
+  // Nothing but what lies beside it.
+  expect_error({"no GNSS on ../track.nmea"}, "?gnss=../track.nmea");
+  expect_error({"no GNSS on none.nmea", "NMEA log beside the bag"}, "?gnss=none.nmea");
 }
 
 TEST_F(BagDriveWithGnss, LeavesTheMapWhereItIsWithoutAChoice) {

@@ -109,8 +109,8 @@ class Drive {
   /// Bags (MCAP, rosbag2, ROS 1). The scans are the messages of the one topic of PointCloud2, with
   /// the stamps of their headers. Poses come from the one topic of Odometry, or of PoseStamped with
   /// at least one pose for 40 scans; tf_static moves them to the frame of the clouds. Without such
-  /// a topic they come from tf: from the highest frame called map, odom or world, else from one
-  /// called earth. If tf only repeats the topic, the topic is used. Poses are interpolated to the
+  /// a topic they come from tf: from the highest frame called map, odom, world or camera_init, else
+  /// from earth. If tf only repeats the topic, the topic is used. Poses are interpolated to the
   /// scans. Scans at the ends without a pose are left out and noted.
   ///
   /// If a bag leaves more than one choice, it is made in `topics.txt` of the bag's folder, or
