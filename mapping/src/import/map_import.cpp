@@ -69,11 +69,12 @@ class CloudImport {
       : file_(file), progress_(progress), cancel_(cancel), result_(result) {
     frame_.place = options.geodetic_origin;
     frame_.utm = options.utm;
-    if (!std::filesystem::is_directory(file)) {
+    const bool is_autoware = maps::is_autoware_map(file);
+    if (!is_autoware && !std::filesystem::is_directory(file)) {
       files_ = {file};
       return;
     }
-    if (!maps::is_autoware_map(file))
+    if (!is_autoware)
       throw maps::InputError(file.string(), "a folder without pointcloud_map.pcd",
                              "a file (.pcd, .ply, .las), or the folder of an Autoware map");
     autoware_ = maps::read_autoware_map(file);

@@ -225,15 +225,25 @@ bool set_points_frame(Drive::Contents& contents, const BagPoses& poses,
   return true;
 }
 
-/// Of tf that moves something below the clouds, but the clouds are not registered.
-void leave_out_poses(Drive::Contents& contents, const std::string& source) {
-  contents.T_map_lidar.clear();
-  contents.poses_have_stamps = false;
-  contents.position_step_m.setZero();
-  std::erase(contents.notes, "poses are those of " + source);
+bool has_any_pose(const Drive::Contents& contents, const BagPoses& poses, std::int64_t offset_ns) {
+  return std::any_of(contents.stamps_ns.begin(), contents.stamps_ns.end(), [&](std::int64_t stamp) {
+    return poses.T_map_lidar(stamp - offset_ns).has_value();
+  });
+}
+
+void take_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_t offset_ns,
+                const std::optional<PointsFrame>& points) {
+  const Drive::Contents without_poses = contents;
+  if (!poses.only_if_overlapping || has_any_pose(contents, poses, offset_ns)) {
+    set_bag_poses(contents, poses, offset_ns);
+    contents.poses_have_stamps = true;
+    if (set_points_frame(contents, poses, points)) return;
+  }
+  // tf moves something below the clouds, but they are not registered by it.
+  contents = without_poses;
   contents.notes.push_back(fmt::format(
       "{} is not used for poses: the clouds are not registered by it; to use it, choose poses=/tf",
-      source));
+      poses.source));
 }
 
 DriveLayout layout_of(BagFormat format) {
@@ -262,6 +272,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   if (fs::is_directory(root)) choice = with_choice_of_folder(std::move(choice), root);
   const std::optional<PointsFrame> points =
       choice_of_poses.points ? choice_of_poses.points : points_frame_of(choice, name);
+  if (points) choice.points = points == PointsFrame::kMap ? "map" : "sensor";
   auto scans = std::make_shared<BagScans>();
   for (const fs::path& file : bag_files(root)) scans->bags.push_back(open_bag(file));
   BagSurvey found = survey(scans->bags);
@@ -286,9 +297,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   } else if (const auto poses = find_poses({scans->bags, found, choice, clouds.frames.front(),
                                             taken_at(contents, choice_of_poses.offset_ns), name},
                                            contents.notes)) {
-    set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
-    contents.poses_have_stamps = true;
-    if (!set_points_frame(contents, *poses, points)) leave_out_poses(contents, poses->source);
+    take_poses(contents, *poses, choice_of_poses.offset_ns, points);
   }
   leave_out_unordered(contents);
   place_by_gnss(contents, scans->bags, found, choice, name);

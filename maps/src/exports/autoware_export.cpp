@@ -5,7 +5,9 @@
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <optional>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "exports/exporters.hpp"
@@ -59,9 +61,9 @@ class AutowareCoordinates {
   static std::string square_around(const MapPackage& map, const UtmProjection& utm) {
     std::set<std::string> squares;
     for (const TileEntry& tile : point_tiles(map)) {
-      for (const auto& [x, y] : {std::pair(0, 0), {0, 1}, {1, 0}, {1, 1}}) {
-        const Eigen::Vector3f corner(x == 0 ? tile.min[0] : tile.max[0],
-                                     y == 0 ? tile.min[1] : tile.max[1], tile.min[2]);
+      for (const unsigned number : {0U, 1U, 2U, 3U}) {
+        const Eigen::Vector3f corner((number & 1U) == 0 ? tile.min[0] : tile.max[0],
+                                     (number & 2U) == 0 ? tile.min[1] : tile.max[1], tile.min[2]);
         const Eigen::Vector3d p_map = corner.cast<double>() + map.manifest().origin;
         squares.insert(mgrs_name(utm.to_utm(p_map), utm.zone()));
       }

@@ -119,7 +119,7 @@ class Projector {
                           map.projector == "LocalCartesianUTM" ||
                           map.projector == "TransverseMercator";
     if (!is_known)
-      throw InputError(file_.string(), "projector_type " + quoted(map.projector),
+      throw InputError(file_.string(), "projector_type " + maps::quoted(map.projector),
                        "Local, LocalCartesian, LocalCartesianUTM, MGRS or TransverseMercator: "
                        "correct the line");
     map.origin = origin();
@@ -176,7 +176,7 @@ class Projector {
   [[nodiscard]] double number(const std::string& key) const {
     const auto parsed = parse_number(value(key));
     if (!parsed)
-      throw InputError(file_.string(), key + " " + quoted(value(key)),
+      throw InputError(file_.string(), key + " " + maps::quoted(value(key)),
                        "a number: correct the line");
     return *parsed;
   }
@@ -197,7 +197,7 @@ class Projector {
       map.grid = grid_of(square.zone);
       map.grid->offset.head<2>() -= square.corner;
     } catch (const std::invalid_argument& error) {
-      throw InputError(file_.string(), "mgrs_grid " + quoted(name),
+      throw InputError(file_.string(), "mgrs_grid " + maps::quoted(name),
                        "zone, band and two letters of a square of 100 km, as 54SUE: correct the "
                        "line");
     }
@@ -217,8 +217,9 @@ fs::path root_of(const fs::path& folder) {
 }  // namespace
 
 bool is_autoware_map(const fs::path& folder) {
-  if (!fs::is_directory(folder)) return false;
   const fs::path root = root_of(folder);
+  if (!fs::is_directory(folder))
+    return folder.filename() == kClouds && fs::exists(folder) && fs::exists(root / kProjector);
   return fs::exists(root / kClouds) || fs::exists(root / kMetadata);
 }
 

@@ -4,10 +4,13 @@
 #include <stillmap/maps/geodesy.hpp>
 #include <stillmap/maps/text.hpp>
 
+#include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "formats/pose_table.hpp"
 

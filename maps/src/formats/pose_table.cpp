@@ -1,8 +1,7 @@
 #include "formats/pose_table.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdlib>
+#include <cctype>
 #include <span>
 
 #include <stillmap/maps/text.hpp>

@@ -58,6 +58,11 @@ TEST_F(AutowareMaps, MayBeOneFile) {
   EXPECT_FALSE(is_autoware_map(folder_.path()));
   folder_.write("pointcloud_map.pcd", "");
   EXPECT_THAT(names(read()), ElementsAre("pointcloud_map.pcd"));
+  const fs::path file = folder_.path() / "pointcloud_map.pcd";
+  EXPECT_FALSE(is_autoware_map(file)) << "a cloud like any other";
+  folder_.write("map_projector_info.yaml", "projector_type: Local\n");
+  EXPECT_TRUE(is_autoware_map(file));
+  EXPECT_THAT(names(read_autoware_map(file)), ElementsAre("pointcloud_map.pcd"));
 }
 
 TEST_F(AutowareMaps, LieWhereTheirProjectorSays) {

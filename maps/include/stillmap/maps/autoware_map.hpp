@@ -29,7 +29,8 @@ struct AutowareMap {
 };
 
 /// Whether a folder is such a map: `pointcloud_map.pcd` (a file, or a folder of tiles) or
-/// `pointcloud_map_metadata.yaml` is in it, or it is the folder `pointcloud_map.pcd` itself.
+/// `pointcloud_map_metadata.yaml` is in it, or it is `pointcloud_map.pcd` itself (as a file with
+/// `map_projector_info.yaml` beside it).
 [[nodiscard]] bool is_autoware_map(const std::filesystem::path& folder);
 
 /// Reads which clouds belong to it, from `pointcloud_map_metadata.yaml` where there is one, and
