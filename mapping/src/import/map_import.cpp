@@ -249,7 +249,7 @@ class CloudImport {
   [[nodiscard]] maps::GeodeticOrigin place_in(const Eigen::Vector3d& p_grid,
                                               const maps::MercatorGrid& grid) const {
     try {
-      return maps::geodetic_of(p_grid, grid);
+      return maps::place_in_grid(p_grid, grid);
     } catch (const std::invalid_argument& error) {
       throw maps::InputError(file_.string(), error.what(),
                              "coordinates of its projector: check map_projector_info.yaml");

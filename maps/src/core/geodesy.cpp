@@ -130,7 +130,7 @@ Eigen::Vector3d GridProjection::to_map(const Eigen::Vector3d& p_grid) const {
   return p_map;
 }
 
-GeodeticOrigin geodetic_of(const Eigen::Vector3d& p_grid, const MercatorGrid& grid) {
+GeodeticOrigin place_in_grid(const Eigen::Vector3d& p_grid, const MercatorGrid& grid) {
   const Eigen::Vector3d p = p_grid - grid.offset;
   // A zone and its neighbours; beyond, the projection folds up.
   if (!(std::abs(p.x()) <= 1e6 && std::abs(p.y()) <= 1.1e7))
@@ -173,7 +173,7 @@ GeodeticOrigin geodetic_of(const Eigen::Vector3d& p_utm, UtmZone zone) {
     throw std::invalid_argument(fmt::format("easting {}, northing {}: not of UTM zone {}{}",
                                             p_utm.x(), p_utm.y(), zone.number,
                                             zone.north ? "N" : "S"));
-  return geodetic_of(p_utm, grid_of(zone));
+  return place_in_grid(p_utm, grid_of(zone));
 }
 
 }  // namespace stillmap::maps

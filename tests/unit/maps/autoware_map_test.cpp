@@ -78,7 +78,7 @@ TEST_F(AutowareMaps, LieWhereTheirProjectorSays) {
   // The zero of the coordinates is the origin.
   for (const char* const type : {"LocalCartesianUTM", "TransverseMercator"}) {
     const AutowareMap map = read("projector_type: " + std::string(type) + "\n" + origin);
-    const GeodeticOrigin place = geodetic_of(Eigen::Vector3d(0, 0, 12), map.grid.value());
+    const GeodeticOrigin place = place_in_grid(Eigen::Vector3d(0, 0, 12), map.grid.value());
     EXPECT_NEAR(place.latitude_deg, 35.0, 1e-11) << type;
     EXPECT_NEAR(place.longitude_deg, 139.5, 1e-11) << type;
     EXPECT_NEAR(place.altitude_m, 12.0, 1e-9) << type;
@@ -97,7 +97,7 @@ TEST_F(AutowareMaps, OfMgrsCountFromTheCornerOfTheirSquare) {
   const AutowareMap map = read("projector_type: MGRS\nvertical_datum: WGS84\nmgrs_grid: 54SUE\n");
   EXPECT_EQ(map.place_text, "54SUE");
   // The pair of autoware_geography_utils' test.
-  const GeodeticOrigin place = geodetic_of(Eigen::Vector3d(86128.0, 43002.0, 10.0), *map.grid);
+  const GeodeticOrigin place = place_in_grid(Eigen::Vector3d(86128.0, 43002.0, 10.0), *map.grid);
   EXPECT_NEAR(place.latitude_deg, 35.62426, 1e-5);
   EXPECT_NEAR(place.longitude_deg, 139.74252, 1e-5);
 }

@@ -30,8 +30,9 @@ TEST(Geodesy, MgrsSquaresHaveTheirCorners) {
 }
 
 TEST(Geodesy, GridsAtAPlaceHaveTheirZeroThere) {
-  const MercatorGrid grid = grid_at(kKarlsruhe, 0.9996);
-  const GridProjection projection(kKarlsruhe, grid);
+  // On the ellipsoid; above it lengths shrink with the height.
+  const GeodeticOrigin place{kKarlsruhe.latitude_deg, kKarlsruhe.longitude_deg, 0.0};
+  const GridProjection projection(place, grid_at(place, 0.9996));
   EXPECT_LT(projection.to_grid(Eigen::Vector3d::Zero()).norm(), 1e-6);
   // Along the meridian and across it lengths are those of the scale.
   EXPECT_NEAR(projection.to_grid({0.0, 100.0, 0.0}).y(), 99.96, 1e-4);

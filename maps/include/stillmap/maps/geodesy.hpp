@@ -100,7 +100,7 @@ class UtmProjection {
 [[nodiscard]] GeodeticOrigin geodetic_of(const Eigen::Vector3d& p_utm, UtmZone zone);
 /// The same of a grid. @throws std::invalid_argument for coordinates over 1,000 km from its central
 /// meridian or beyond a pole.
-[[nodiscard]] GeodeticOrigin geodetic_of(const Eigen::Vector3d& p_grid, const MercatorGrid& grid);
+[[nodiscard]] GeodeticOrigin place_in_grid(const Eigen::Vector3d& p_grid, const MercatorGrid& grid);
 
 /// A square of 100 km of the Military Grid Reference System.
 struct MgrsSquare {
