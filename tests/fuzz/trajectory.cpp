@@ -1,11 +1,14 @@
-// Poses: TUM and KITTI, and stamps of a drive.
+// Poses of any kind of file, key frames of hdl_graph_slam, NMEA logs, and stamps of a drive.
 #include "fuzz_folder.hpp"
 #include "fuzz_target.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/pose_file.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
 #include "drives/layout.hpp"
+#include "formats/hdl_keyframe.hpp"
+#include "formats/nmea.hpp"
 
 namespace {
 
@@ -40,6 +43,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const Eigen::Isometry3d& T : *poses) require_rigid(T);
   }
   static_cast<void>(fuzz::taken<maps::InputError>([&] { return maps::read_times(file); }));
-  static_cast<void>(fuzz::taken<maps::InputError>([&] { return maps::poses_format(file); }));
+  if (const auto poses = fuzz::taken<maps::InputError>([&] { return maps::read_pose_file(file); }))
+    for (const Eigen::Isometry3d& T : poses->all()) require_rigid(T);
+  if (const auto pose =
+          fuzz::taken<maps::InputError>([&] { return maps::read_hdl_keyframe(file); }))
+    require_rigid(pose->T_map_lidar);
+  static_cast<void>(fuzz::taken<maps::InputError>([&] { return maps::read_nmea(file, 0); }));
   return 0;
 }

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 #include <stillmap/mapping/map_import.hpp>
+#include <stillmap/maps/autoware_map.hpp>
 #include <stillmap/maps/cloud_file.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
@@ -49,8 +50,8 @@ struct Bounds {
 struct ImportFrame {
   std::optional<maps::GeodeticOrigin> place;
   std::optional<maps::UtmZone> utm;
-  /// With `utm`.
-  std::optional<maps::UtmProjection> projection;
+  /// With `utm`, and with the grids of Autoware.
+  std::optional<maps::GridProjection> projection;
   /// As the file names them.
   std::string coordinates;
   /// What of `utm` is of other datums; empty for nothing.
@@ -73,6 +74,20 @@ class CloudImport {
         result_(result) {
     frame_.place = options.geodetic_origin;
     frame_.utm = options.utm;
+    const bool is_autoware = maps::is_autoware_map(file);
+    if (!is_autoware && !std::filesystem::is_directory(file)) {
+      files_ = {file};
+      return;
+    }
+    if (!is_autoware)
+      throw maps::InputError(file.string(), "a folder without pointcloud_map.pcd",
+                             "a file (.pcd, .ply, .las), or the folder of an Autoware map");
+    autoware_ = maps::read_autoware_map(file);
+    files_ = autoware_->clouds;
+    result.warnings = autoware_->notes;
+    if (options.utm)
+      throw maps::InputError(file.string(), "an Autoware map with --utm",
+                             "its map_projector_info.yaml alone: leave --utm out");
   }
 
   /// The first time through the file. @return the origin of the tiles [m].
@@ -95,24 +110,31 @@ class CloudImport {
       throw maps::InputError(file_.string(), "no point that is finite", "at least one");
     if (summary.single_precision) check_precision(bounds);
     const Eigen::Vector3d middle = rounded(0.5 * (bounds.min + bounds.max));
-    find_frame(summary, middle);
+    if (autoware_)
+      find_frame_of_autoware(middle);
+    else
+      find_frame(summary, middle);
     return frame_.projection ? rounded(frame_.projection->to_map(middle)) : middle;
   }
 
   /// Where the map stands, once it is measured.
   [[nodiscard]] const ImportFrame& frame() const { return frame_; }
+  /// Of an Autoware map.
+  [[nodiscard]] const std::optional<maps::AutowareMap>& autoware() const { return autoware_; }
 
   /// The second time.
   void stack(const VoxelGrid& grid, TileStack& stack) {
     std::uint64_t& too_far = result_.counts["dropped_too_far"];
     std::uint32_t part = 0;
-    maps::read_cloud_file(file_, [&](std::span<const maps::CloudPoint> points) {
-      ScanVoxels voxels(grid, part++);
-      for (const maps::CloudPoint& point : points)
-        too_far += voxels.add({.p_map = p_map(point), .intensity = point.intensity}) ? 0 : 1;
-      stack.add(voxels);
-      tell("stack", points.size());
-    });
+    for (const std::filesystem::path& file : files_) {
+      maps::read_cloud_file(file, [&](std::span<const maps::CloudPoint> points) {
+        ScanVoxels voxels(grid, part++);
+        for (const maps::CloudPoint& point : points)
+          too_far += voxels.add({.p_map = p_map(point), .intensity = point.intensity}) ? 0 : 1;
+        stack.add(voxels);
+        tell("stack", points.size());
+      });
+    }
     done_ = 0;
     if (too_far > 0)
       result_.warnings.push_back(
@@ -122,12 +144,21 @@ class CloudImport {
  private:
   template <typename Visit>
   maps::CloudSummary read(const char* stage, const Visit& visit) {
-    auto summary = maps::read_cloud_file(file_, [&](std::span<const maps::CloudPoint> points) {
-      for (const maps::CloudPoint& point : points) visit(point);
-      tell(stage, points.size());
-    });
+    maps::CloudSummary all;
+    for (const std::filesystem::path& file : files_) {
+      maps::CloudSummary summary =
+          maps::read_cloud_file(file, [&](std::span<const maps::CloudPoint> points) {
+            for (const maps::CloudPoint& point : points) visit(point);
+            tell(stage, points.size());
+          });
+      summary.points_in_file += all.points_in_file;
+      summary.non_finite += all.non_finite;
+      summary.withheld += all.withheld;
+      summary.single_precision = summary.single_precision || all.single_precision;
+      all = std::move(summary);
+    }
     done_ = 0;
-    return summary;
+    return all;
   }
 
   void tell(const char* stage, std::size_t points) {
@@ -161,7 +192,7 @@ class CloudImport {
       check_distance(*frame_.place, place);
     else
       frame_.place = place;
-    frame_.projection.emplace(*frame_.place, *frame_.utm);
+    frame_.projection.emplace(*frame_.place, maps::grid_of(*frame_.utm));
     const std::string coordinates = fmt::format("coordinates of '{}'", summary.coordinates);
     if (!summary.coordinates.empty() && !summary.utm)
       take_as_wgs84(coordinates, fmt::format("EPSG:{}, as the options say", frame_.utm->epsg()));
@@ -169,6 +200,22 @@ class CloudImport {
       take_as_wgs84(coordinates, "those of WGS 84, which may be 2 m off");
     if (!summary.heights.empty())
       take_as_wgs84(fmt::format("heights of '{}'", summary.heights), "above the WGS 84 ellipsoid");
+  }
+
+  /// What Autoware's projector says of the coordinates. A map in a grid gets its frame at the place
+  /// that the projector names, else in the middle of its points.
+  void find_frame_of_autoware(const Eigen::Vector3d& middle) {
+    const maps::AutowareMap& map = *autoware_;
+    if (!map.heights.empty())
+      take_as_wgs84(fmt::format("heights of '{}'", map.heights), "above the WGS 84 ellipsoid");
+    if (!frame_.place) frame_.place = map.origin;
+    if (!map.grid) return;
+    const maps::GeodeticOrigin place = place_in(middle, *map.grid);
+    if (frame_.place)
+      check_distance(*frame_.place, place);
+    else
+      frame_.place = place;
+    frame_.projection.emplace(*frame_.place, *map.grid);
   }
 
   void take_as_wgs84(const std::string& what, const std::string& as) {
@@ -210,6 +257,16 @@ class CloudImport {
     }
   }
 
+  [[nodiscard]] maps::GeodeticOrigin place_in(const Eigen::Vector3d& p_grid,
+                                              const maps::MercatorGrid& grid) const {
+    try {
+      return maps::place_in_grid(p_grid, grid);
+    } catch (const std::invalid_argument& error) {
+      throw maps::InputError(file_.string(), error.what(),
+                             "coordinates of its projector: check map_projector_info.yaml");
+    }
+  }
+
   void check_precision(const Bounds& bounds) {
     const double largest_m =
         std::max(bounds.min.cwiseAbs().maxCoeff(), bounds.max.cwiseAbs().maxCoeff());
@@ -226,6 +283,8 @@ class CloudImport {
 
   const std::filesystem::path& file_;
   Eigen::Matrix3d R_map_file_;
+  std::vector<std::filesystem::path> files_;
+  std::optional<maps::AutowareMap> autoware_;
   const ProgressCallback& progress_;
   const CancelFlag& cancel_;
   MapImportResult& result_;
@@ -315,24 +374,40 @@ void write_places(const ColumnGround& ground, const Eigen::Vector3d& origin,
     writer.write_places(places);
 }
 
+/// Of a file, or of the names and digests of the files of a folder.
+std::string sha256_of_clouds(const std::filesystem::path& file,
+                             const std::optional<maps::AutowareMap>& autoware) {
+  if (!autoware) return maps::sha256_of_file(file);
+  std::string digests;
+  for (const std::filesystem::path& cloud : autoware->clouds)
+    digests += maps::sha256_of_file(cloud) + "  " + cloud.filename().string() + "\n";
+  return maps::sha256_of(digests);
+}
+
 maps::MapManifest manifest_of(const std::filesystem::path& file, const MapImportOptions& options,
-                              const ImportFrame& frame, const Eigen::Vector3d& origin,
+                              const CloudImport& cloud, const Eigen::Vector3d& origin,
                               const MapImportResult& result) {
+  const ImportFrame& frame = cloud.frame();
+  const std::optional<maps::AutowareMap>& autoware = cloud.autoware();
   maps::MapManifest manifest;
   manifest.frame_id = options.frame_id.value_or(frame.place ? "enu" : "local");
   manifest.origin = origin;
   manifest.geodetic_origin = frame.place;
   manifest.voxel_size_m = options.voxel_size_m;
   manifest.software_version = STILLMAP_VERSION;
-  manifest.options = {{"import", file.extension().string().substr(1)},
+  manifest.options = {{"import", autoware ? "autoware" : file.extension().string().substr(1)},
                       {"voxel_size_m", fmt::format("{}", options.voxel_size_m)}};
   if (options.up != "z") manifest.options["up"] = options.up;
   if (frame.utm) manifest.options["utm"] = fmt::format("EPSG:{}", frame.utm->epsg());
+  if (autoware && !autoware->projector.empty())
+    manifest.options["projector"] =
+        autoware->projector + (autoware->place_text.empty() ? "" : " ") + autoware->place_text;
   if (!frame.coordinates.empty()) manifest.options["coordinates"] = frame.coordinates;
   if (!frame.taken_as_wgs84.empty()) manifest.options["taken_as_wgs84"] = frame.taken_as_wgs84;
   manifest.counts = result.counts;
-  manifest.sources = {{"cloud", file.filename().string()},
-                      {"cloud_sha256", maps::sha256_of_file(file)}};
+  const bool has_name = !file.filename().empty();
+  manifest.sources = {{"cloud", (has_name ? file : file.parent_path()).filename().string()},
+                      {"cloud_sha256", sha256_of_clouds(file, autoware)}};
   return manifest;
 }
 
@@ -384,8 +459,8 @@ MapImportResult import_map(const std::filesystem::path& file, const std::filesys
   }
   result.seconds = std::chrono::duration<double>(Clock::now() - began).count();
   result.peak_rss_mib = maps::peak_rss_mib();
-  result.digest = writer.publish(manifest_of(file, options, cloud.frame(), grid.origin(), result),
-                                 to_json(result));
+  result.digest =
+      writer.publish(manifest_of(file, options, cloud, grid.origin(), result), to_json(result));
   return result;
 }
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::string_view kExpected =
     "cloud=TOPIC (or TOPIC,TOPIC for several lidars), poses=TOPIC, pose_frame=FRAME, gnss=TOPIC, "
-    "imu=TOPIC, stamps=recorded or calibration=FILE";
+    "imu=TOPIC, points=map, stamps=recorded or calibration=FILE";
 
 std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
   if (word == "cloud") return &choice.cloud;
@@ -21,6 +21,7 @@ std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) 
   if (word == "stamps") return &choice.stamps;
   if (word == "calibration") return &choice.calibration;
   if (word == "imu") return &choice.imu;
+  if (word == "points") return &choice.points;
   return word == "pose_frame" ? &choice.pose_frame : nullptr;
 }
 
@@ -64,6 +65,7 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
     choice.calibration = (folder / *own.calibration).string();
   }
   if (!choice.imu) choice.imu = own.imu;
+  if (!choice.points) choice.points = own.points;
   return choice;
 }
 

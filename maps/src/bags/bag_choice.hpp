@@ -19,6 +19,8 @@ struct BagChoice {
   std::optional<std::string> gnss;
   /// Topic of Imu; "none" for no IMU.
   std::optional<std::string> imu;
+  /// "map" or "sensor": the frame of the clouds' points, whatever their messages say.
+  std::optional<std::string> points;
   /// "header", or "recorded": when the recorder got the clouds, instead of their own stamps.
   std::optional<std::string> stamps;
   /// File of a Velodyne's calibration (`read_velodyne_calibration`); of `topics.txt`, one in its

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <numbers>
 #include <optional>
@@ -14,6 +15,7 @@
 
 #include "bags/place_on_earth.hpp"
 #include "bags/ros_messages.hpp"
+#include "formats/nmea.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -102,6 +104,60 @@ std::string topics_of_fixes(const BagSurvey& survey) {
   return listed;
 }
 
+/// A log beside the bag, if the choice names one. Only there: an upload may choose too.
+std::optional<std::filesystem::path> nmea_beside(const std::filesystem::path& root,
+                                                 const std::string& choice) {
+  const std::filesystem::path name(choice);
+  if (name.empty() || name != name.filename() || choice == "..") return std::nullopt;
+  const bool is_folder = std::filesystem::is_directory(root);
+  const std::filesystem::path file = (is_folder ? root : root.parent_path()) / name;
+  if (!std::filesystem::is_regular_file(file)) return std::nullopt;
+  return file;
+}
+
+void read_nmea_fixes(const std::filesystem::path& file, Drive::Contents& contents,
+                     FixesOnPath& fixes) {
+  const NmeaTrack track = read_nmea(file, contents.stamps_ns.front());
+  // The antenna's frame is not known to a receiver.
+  for (const NmeaFix& fix : track.fixes) fixes.add({fix.stamp_ns, "antenna", fix.place});
+  const std::string name = file.filename().string();
+  if (track.broken > 0)
+    contents.notes.push_back(
+        fmt::format("{} sentences of {} left out, which cannot be read or have "
+                    "another checksum",
+                    track.broken, name));
+  if (track.above_sea > 0)
+    contents.notes.push_back(
+        fmt::format("{} fixes of {} have no geoid separation: their heights are "
+                    "above the sea",
+                    track.above_sea, name));
+  if (!track.has_date)
+    contents.notes.push_back(
+        fmt::format("{} tells no date (RMC, ZDA): taken as that of the scans", name));
+}
+
+/// The chosen topic or log.
+FixesOnPath chosen_fixes(Drive::Contents& contents, const Bags& bags, const BagSurvey& survey,
+                         const std::string& chosen, const Trajectory& path) {
+  FixesOnPath fixes(path, survey.tree, contents.entries.frame_id);
+  const auto topic = survey.topics.find(chosen);
+  if (topic != survey.topics.end() && topic->second.type == kNavSatFix) {
+    read_fixes(bags, topic->first, fixes);
+    return fixes;
+  }
+  if (const auto file = nmea_beside(contents.root, chosen)) {
+    read_nmea_fixes(*file, contents, fixes);
+    return fixes;
+  }
+  const std::string listed = topics_of_fixes(survey);
+  throw InputError(
+      contents.root.string(),
+      fmt::format("no GNSS on {}; there is {}", chosen, listed.empty() ? "none" : listed),
+      fmt::format("a topic of {}, or the name of an NMEA log beside the bag: choose one that is "
+                  "there, or leave out gnss",
+                  kNavSatFix));
+}
+
 }  // namespace
 
 void place_by_gnss(Drive::Contents& contents, const Bags& bags, const BagSurvey& survey,
@@ -113,20 +169,13 @@ void place_by_gnss(Drive::Contents& contents, const Bags& bags, const BagSurvey&
           "GNSS on {}: not taken; gnss=TOPIC turns the map to east and north by it", listed));
     return;
   }
-  const auto topic = survey.topics.find(*choice.gnss);
-  if (topic == survey.topics.end() || topic->second.type != kNavSatFix)
-    throw InputError(
-        name,
-        fmt::format("no GNSS on {}; there is {}", *choice.gnss, listed.empty() ? "none" : listed),
-        fmt::format("a topic of {}: choose one that the bag has, or leave out gnss", kNavSatFix));
   if (contents.T_map_lidar.empty())
     throw InputError(
         name, "gnss without poses",
         "poses, which it brings to their place: choose poses=TOPIC, or leave out gnss");
   const Trajectory path = path_of(contents);
-  FixesOnPath fixes(path, survey.tree, contents.entries.frame_id);
-  read_fixes(bags, topic->first, fixes);
-  const PlaceOnEarth place = place_on_earth(fixes.fixes(), name + " " + topic->first);
+  const FixesOnPath fixes = chosen_fixes(contents, bags, survey, *choice.gnss, path);
+  const PlaceOnEarth place = place_on_earth(fixes.fixes(), name + " " + *choice.gnss);
   for (Eigen::Isometry3d& T : contents.T_map_lidar) T = place.T_enu_map * T;
   if (contents.path) {
     std::vector<StampedPose> poses = contents.path->poses();
@@ -138,16 +187,16 @@ void place_by_gnss(Drive::Contents& contents, const Bags& bags, const BagSurvey&
   contents.notes.push_back(fmt::format(
       "placed on the Earth by {} fixes of {}, {:.2f} m off the poses at the median: turned by "
       "{:.2f} deg to east and north",
-      fixes.fixes().size(), topic->first, place.residual_m,
+      fixes.fixes().size(), *choice.gnss, place.residual_m,
       std::atan2(turn(1, 0), turn(0, 0)) * 180.0 / std::numbers::pi));
   if (fixes.without_place() > 0)
     contents.notes.push_back(
         fmt::format("{} messages of {} left out, which have no fix or altitude",
-                    fixes.without_place(), topic->first));
+                    fixes.without_place(), *choice.gnss));
   if (fixes.unknown_frame())
     contents.notes.push_back(
         fmt::format("tf_static has no place of '{}' of {}: taken as that of the lidar",
-                    *fixes.unknown_frame(), topic->first));
+                    *fixes.unknown_frame(), *choice.gnss));
 }
 
 }  // namespace stillmap::maps

@@ -90,34 +90,9 @@ Eigen::Isometry3d T_pose_cloud(const PoseSearch& search, const std::string& topi
                   search.name, cloud));
 }
 
-BagPoses poses_of_topic(const PoseSearch& search, const std::string& topic) {
-  PosesNearScans near(search.stamps_ns);
-  FramesOfPoses frames;
-  visit_messages(
-      search, [&](const BagTopic& each) { return each.name == topic; },
-      [&](MessageReader& reader, const BagTopic& each) {
-        const StampedTransform pose = read_pose(reader, each.type);
-        frames.add(pose);
-        if (pose.T_parent_child) near.add(pose.stamp_ns, *pose.T_parent_child);
-      });
-  if (!frames.other.empty())
-    throw InputError(
-        search.name,
-        fmt::format("poses of '{}' in '{}' and {} on {}", *frames.child, *frames.parent,
-                    frames.other, topic),
-        "one frame in one other: choose another topic with poses=TOPIC, or poses=none");
-  BagPoses poses;
-  poses.source = topic;
-  if (frames.invalid > 0)
-    poses.notes.push_back(fmt::format(
-        "{} poses of {} left out, which are not finite or no rotation", frames.invalid, topic));
-  if (near.added() == 0)
-    throw InputError(search.name, fmt::format("no poses on {} that can be read", topic),
-                     "poses: choose another topic with poses=TOPIC, or poses=none");
-  poses.factors.push_back({near.trajectory(), {}});
-  const Eigen::Isometry3d T = T_pose_cloud(search, topic, frames.child.value_or(""), poses.notes);
-  if (!T.matrix().isIdentity(0.0)) poses.factors.push_back({{}, T});
-  return poses;
+bool moves(const std::vector<FrameTree::Step>& steps) {
+  return std::any_of(steps.begin(), steps.end(),
+                     [](const auto& step) { return !step.T_parent_child; });
 }
 
 BagPoses poses_of_tf(const PoseSearch& search, const std::vector<FrameTree::Step>& steps) {
@@ -152,9 +127,77 @@ BagPoses poses_of_tf(const PoseSearch& search, const std::vector<FrameTree::Step
   return poses;
 }
 
-bool moves(const std::vector<FrameTree::Step>& steps) {
-  return std::any_of(steps.begin(), steps.end(),
-                     [](const auto& step) { return !step.T_parent_child; });
+/// Clouds in the frame that the poses are given in, as SLAM publishes registered scans.
+std::optional<Eigen::Isometry3d> T_parent_cloud(const PoseSearch& search, const std::string& parent,
+                                                const std::string& child) {
+  if (parent.empty()) return std::nullopt;
+  const FrameTree& tree = search.survey.tree;
+  if (!child.empty() && child != parent && tree.T_between(child, search.cloud_frame))
+    return std::nullopt;
+  return tree.T_between(parent, search.cloud_frame);
+}
+
+/// Steps of tf from a frame up to the first that is joined rigidly to that of the clouds; empty if
+/// there is none, or nothing moves between them.
+std::vector<FrameTree::Step> steps_to_clouds(const PoseSearch& search, const std::string& frame) {
+  const FrameTree& tree = search.survey.tree;
+  std::vector<FrameTree::Step> steps = tree.steps_above(frame);
+  const auto top = std::find_if(steps.begin(), steps.end(), [&](const FrameTree::Step& step) {
+    return tree.T_between(step.parent, search.cloud_frame).has_value();
+  });
+  if (top == steps.end()) return {};
+  steps.erase(std::next(top), steps.end());
+  if (!moves(steps)) steps.clear();
+  return steps;
+}
+
+/// Poses of a frame that moves in that of registered clouds.
+BagPoses poses_of_tf_below(const PoseSearch& search, const std::vector<FrameTree::Step>& steps) {
+  BagPoses poses = poses_of_tf(search, steps);
+  poses.moving_frame = steps.front().child;
+  poses.source = fmt::format("tf from '{}' to '{}'", steps.back().parent, poses.moving_frame);
+  poses.T_map_points = search.survey.tree.T_between(steps.back().parent, search.cloud_frame);
+  return poses;
+}
+
+BagPoses poses_of_topic(const PoseSearch& search, const std::string& topic) {
+  PosesNearScans near(search.stamps_ns);
+  FramesOfPoses frames;
+  visit_messages(
+      search, [&](const BagTopic& each) { return each.name == topic; },
+      [&](MessageReader& reader, const BagTopic& each) {
+        const StampedTransform pose = read_pose(reader, each.type);
+        frames.add(pose);
+        if (pose.T_parent_child) near.add(pose.stamp_ns, *pose.T_parent_child);
+      });
+  if (!frames.other.empty())
+    throw InputError(
+        search.name,
+        fmt::format("poses of '{}' in '{}' and {} on {}", *frames.child, *frames.parent,
+                    frames.other, topic),
+        "one frame in one other: choose another topic with poses=TOPIC, or poses=none");
+  BagPoses poses;
+  poses.source = topic;
+  if (frames.invalid > 0)
+    poses.notes.push_back(fmt::format(
+        "{} poses of {} left out, which are not finite or no rotation", frames.invalid, topic));
+  if (near.added() == 0)
+    throw InputError(search.name, fmt::format("no poses on {} that can be read", topic),
+                     "poses: choose another topic with poses=TOPIC, or poses=none");
+  poses.factors.push_back({near.trajectory(), {}});
+  std::string child = search.choice.pose_frame.value_or(frames.child.value_or(""));
+  if (child == frames.parent.value_or("")) child = frames.child.value_or("");
+  poses.T_map_points = T_parent_cloud(search, frames.parent.value_or(""), child);
+  if (poses.T_map_points) {
+    poses.moving_frame = child;
+    return poses;
+  }
+  if (const auto steps = steps_to_clouds(search, child);
+      !child.empty() && !steps.empty() && !search.survey.tree.T_between(child, search.cloud_frame))
+    return poses_of_tf_below(search, steps);
+  const Eigen::Isometry3d T = T_pose_cloud(search, topic, frames.child.value_or(""), poses.notes);
+  if (!T.matrix().isIdentity(0.0)) poses.factors.push_back({{}, T});
+  return poses;
 }
 
 /// From the cloud's frame up to the highest that is named as a map's, else to the root: what stands
@@ -172,12 +215,39 @@ std::vector<FrameTree::Step> steps_to_map(const PoseSearch& search) {
   return steps;
 }
 
+/// The frame whose motion tf gives in that of the clouds: the chosen one, or the only one, below
+/// frames that are fixed to the ground.
+std::optional<std::string> frame_below_clouds(const PoseSearch& search) {
+  if (search.choice.pose_frame) return search.choice.pose_frame;
+  std::string frame = search.cloud_frame;
+  do {
+    const std::vector<std::string> below = search.survey.tree.moving_below(frame);
+    if (below.size() != 1) return std::nullopt;
+    frame = below.front();
+  } while (stands_still(frame));
+  return frame;
+}
+
+/// Registered clouds, and tf alone: poses of what moves in their frame.
+std::optional<BagPoses> find_tf_below(const PoseSearch& search, bool asked) {
+  const std::optional<std::string> frame = frame_below_clouds(search);
+  if (!frame) return std::nullopt;
+  const std::vector<FrameTree::Step> steps = steps_to_clouds(search, *frame);
+  if (steps.empty()) return std::nullopt;
+  BagPoses poses = poses_of_tf_below(search, steps);
+  poses.only_if_overlapping =
+      !asked && !stands_still(search.cloud_frame) && !stands_still(steps.back().parent);
+  return poses;
+}
+
 std::optional<BagPoses> find_tf(const PoseSearch& search, bool asked,
                                 std::vector<std::string>& notes) {
+  const std::vector<FrameTree::Step> steps = steps_to_map(search);
+  if (!moves(steps))
+    if (auto poses = find_tf_below(search, asked)) return poses;
   if (search.choice.pose_frame)
     throw InputError(search.name, "pose_frame without a topic of poses",
                      "a topic of poses beside it, as in poses=/odom&pose_frame=base_link");
-  const std::vector<FrameTree::Step> steps = steps_to_map(search);
   if (!moves(steps) && asked)
     throw InputError(search.name,
                      fmt::format("nothing in tf that moves '{}'; frames are {}", search.cloud_frame,
@@ -188,7 +258,7 @@ std::optional<BagPoses> find_tf(const PoseSearch& search, bool asked,
   if (asked || stands_still(steps.back().parent)) return poses_of_tf(search, steps);
   notes.push_back(
       fmt::format("tf is not used for poses: it moves '{}' in '{}', which has no name of a fixed "
-                  "frame (map, odom, world, earth); to use it, choose poses=/tf",
+                  "frame (map, odom, world, camera_init, earth); to use it, choose poses=/tf",
                   search.cloud_frame, steps.back().parent));
   return std::nullopt;
 }
@@ -250,6 +320,24 @@ void add_tf(const PoseSearch& search, Candidates& found) {
           topic, fmt::format("tf from '{}' to '{}'", steps.back().parent, search.cloud_frame));
 }
 
+/// Odometry would find no motion between scans that are registered already.
+void require_unregistered(const PoseSearch& search) {
+  if (search.choice.points) return;
+  for (const auto& [topic, known] : search.survey.topics) {
+    if (!known.pose_frames || known.messages < kLeastPoses ||
+        !T_parent_cloud(search, known.pose_frames->parent, known.pose_frames->child))
+      continue;
+    throw InputError(
+        search.name,
+        fmt::format("poses=none, but clouds in '{}', the frame that the poses of {} are in: they "
+                    "are registered already, and odometry would find no motion",
+                    search.cloud_frame, topic),
+        fmt::format("the poses of {}: leave poses=none out; if the points lie in the sensor's "
+                    "frame, add points=sensor",
+                    topic));
+  }
+}
+
 }  // namespace
 
 std::optional<Eigen::Isometry3d> BagPoses::T_map_lidar(std::int64_t stamp_ns) const {
@@ -270,7 +358,10 @@ std::optional<BagPoses> find_poses(const PoseSearch& search, std::vector<std::st
   const BagChoice& choice = search.choice;
   const BagSurvey& survey = search.survey;
   const std::string& name = search.name;
-  if (choice.poses == "none") return std::nullopt;
+  if (choice.poses == "none") {
+    require_unregistered(search);
+    return std::nullopt;
+  }
   Candidates candidates = topics_of_poses(search, notes);
   if (choice.poses) {
     const auto asked = survey.topics.find(*choice.poses);

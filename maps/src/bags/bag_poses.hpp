@@ -26,6 +26,13 @@ struct BagPoses {
   /// "/odom" and the like, for messages.
   std::string source;
   std::vector<std::string> notes;
+  /// If the bag's frames say that the clouds are registered, in the frame of the poses or one that
+  /// is joined to it: from their points to that of the poses.
+  std::optional<Eigen::Isometry3d> T_map_points;
+  /// The frame that moves, of registered clouds.
+  std::string moving_frame;
+  /// Only if the scans' overlap says that they are registered: the frames could mean other things.
+  bool only_if_overlapping = false;
 
   /// @return nothing where one of the factors has no pose within 0.2 s.
   [[nodiscard]] std::optional<Eigen::Isometry3d> T_map_lidar(std::int64_t stamp_ns) const;

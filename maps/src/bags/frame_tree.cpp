@@ -17,8 +17,9 @@ constexpr std::size_t kMostNamed = 40;
 /// A transform that is sent again is the same but for its last digits.
 constexpr double kSame = 1e-9;
 constexpr std::size_t kLeastRepeated = 3;
-/// Frames of maps, by REP 105 and by use. Above them stands the Earth, whose z is not up.
-constexpr std::array<std::string_view, 3> kMapFrames{"map", "odom", "world"};
+/// Frames of maps, by REP 105 and by use (LOAM and FAST-LIO begin in camera_init). Above them
+/// stands the Earth, whose z is not up.
+constexpr std::array<std::string_view, 4> kMapFrames{"map", "odom", "world", "camera_init"};
 constexpr std::string_view kEarthFrame = "earth";
 
 }  // namespace
@@ -101,6 +102,13 @@ std::vector<FrameTree::Step> FrameTree::steps_above(const std::string& frame) co
     steps.push_back({edge->second.parent, here, edge->second.T_parent_child});
     here = edge->second.parent;
   }
+}
+
+std::vector<std::string> FrameTree::moving_below(const std::string& frame) const {
+  std::vector<std::string> below;
+  for (const auto& [child, edge] : edges_)
+    if (!edge.T_parent_child && T_between(frame, edge.parent)) below.push_back(child);
+  return below;
 }
 
 std::string FrameTree::names() const {

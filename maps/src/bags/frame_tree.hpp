@@ -40,6 +40,8 @@ class FrameTree {
   /// @return steps from `frame` upward; empty when nothing is above it, or where they go in
   /// circles.
   [[nodiscard]] std::vector<Step> steps_above(const std::string& frame) const;
+  /// Children of moving transforms whose parent is joined rigidly to `frame`, or is `frame`.
+  [[nodiscard]] std::vector<std::string> moving_below(const std::string& frame) const;
   /// "base_link, lidar, odom" of all frames, at most 40.
   [[nodiscard]] std::string names() const;
   [[nodiscard]] bool has_rigid(const std::string& frame) const;
@@ -61,7 +63,8 @@ class FrameTree {
   std::map<std::string, Edge> edges_;
 };
 
-/// Whether a frame has a name of one that is fixed to the ground: map, odom, world or earth.
+/// Whether a frame has a name of one that is fixed to the ground: map, odom, world,
+/// camera_init or earth.
 [[nodiscard]] bool stands_still(const std::string& frame);
 /// The same without earth, whose axes are not a map's.
 [[nodiscard]] bool is_map_frame(const std::string& frame);

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "checks/drive_sample.hpp"
 #include "checks/duplicate_scans.hpp"
 #include "checks/viewpoint_check.hpp"
+#include "drives/drive_sample.hpp"
 #include "drives/layout.hpp"
 #include "formats/point_table.hpp"
 
@@ -119,9 +119,8 @@ void check_readings(const DriveCheck& check, std::vector<DriveFinding>& findings
   if (is_better(overlap.without, overlap))
     add("without any", overlap.without,
         "the poses belong to other scans or another time: check their order and stamps, or leave "
-        "them out with --odometry default; or the points lie in the map's frame already: bring "
-        "each "
-        "scan back to its sensor by the inverse of its pose");
+        "them out with --odometry default; or the points lie in the frame of the poses already, as "
+        "those of registered scans: 'DRIVE?points=map' reads them so");
 }
 
 void check_mounting(const std::vector<SampledScan>& samples, DriveCheck& check) {

@@ -1,8 +1,10 @@
 #include <fmt/format.h>
 #include <stillmap/maps/geodesy.hpp>
 
+#include <GeographicLib/Constants.hpp>
 #include <GeographicLib/Geocentric.hpp>
 #include <GeographicLib/LocalCartesian.hpp>
+#include <GeographicLib/MGRS.hpp>
 #include <GeographicLib/TransverseMercator.hpp>
 #include <GeographicLib/UTMUPS.hpp>
 
@@ -17,6 +19,10 @@ constexpr double kFalseEastingM = 500'000.0;
 constexpr double kFalseNorthingM = 10'000'000.0;
 
 double central_meridian_deg(UtmZone zone) { return 6.0 * zone.number - 183.0; }
+
+GeographicLib::TransverseMercator mercator_of(double scale) {
+  return {GeographicLib::Constants::WGS84_a(), GeographicLib::Constants::WGS84_f(), scale};
+}
 
 double false_northing_m(UtmZone zone) { return zone.north ? 0.0 : kFalseNorthingM; }
 
@@ -77,37 +83,88 @@ std::optional<UtmZone> utm_zone_of_epsg(int epsg) {
   }
 }
 
-struct UtmProjection::Local {
-  GeographicLib::LocalCartesian cartesian;
-};
-
-UtmProjection::UtmProjection(const GeodeticOrigin& origin, UtmZone zone)
-    : local_(std::make_unique<Local>(Local{GeographicLib::LocalCartesian(
-          origin.latitude_deg, origin.longitude_deg, origin.altitude_m)})),
-      zone_(zone) {}
-UtmProjection::~UtmProjection() = default;
-UtmProjection::UtmProjection(UtmProjection&&) noexcept = default;
-UtmProjection& UtmProjection::operator=(UtmProjection&&) noexcept = default;
-
-Eigen::Vector3d UtmProjection::to_utm(const Eigen::Vector3d& p_map) const {
-  double latitude_deg = 0.0, longitude_deg = 0.0;
-  Eigen::Vector3d p_utm;
-  local_->cartesian.Reverse(p_map.x(), p_map.y(), p_map.z(), latitude_deg, longitude_deg,
-                            p_utm.z());
-  GeographicLib::TransverseMercator::UTM().Forward(central_meridian_deg(zone_), latitude_deg,
-                                                   longitude_deg, p_utm.x(), p_utm.y());
-  return p_utm + Eigen::Vector3d(kFalseEastingM, false_northing_m(zone_), 0.0);
+MercatorGrid grid_of(UtmZone zone) {
+  return {central_meridian_deg(zone), GeographicLib::Constants::UTM_k0(),
+          Eigen::Vector3d(kFalseEastingM, false_northing_m(zone), 0.0)};
 }
 
-Eigen::Vector3d UtmProjection::to_map(const Eigen::Vector3d& p_utm) const {
+MercatorGrid grid_at(const GeodeticOrigin& zero, double scale) {
+  Eigen::Vector3d p(0.0, 0.0, zero.altitude_m);
+  mercator_of(scale).Forward(zero.longitude_deg, zero.latitude_deg, zero.longitude_deg, p.x(),
+                             p.y());
+  return {zero.longitude_deg, scale, -p};
+}
+
+struct GridProjection::Local {
+  GeographicLib::LocalCartesian cartesian;
+  GeographicLib::TransverseMercator mercator;
+  MercatorGrid grid;
+};
+
+GridProjection::GridProjection(const GeodeticOrigin& origin, const MercatorGrid& grid)
+    : local_(std::make_unique<Local>(
+          Local{GeographicLib::LocalCartesian(origin.latitude_deg, origin.longitude_deg,
+                                              origin.altitude_m),
+                mercator_of(grid.scale), grid})) {}
+GridProjection::~GridProjection() = default;
+GridProjection::GridProjection(GridProjection&&) noexcept = default;
+GridProjection& GridProjection::operator=(GridProjection&&) noexcept = default;
+
+Eigen::Vector3d GridProjection::to_grid(const Eigen::Vector3d& p_map) const {
   double latitude_deg = 0.0, longitude_deg = 0.0;
-  GeographicLib::TransverseMercator::UTM().Reverse(
-      central_meridian_deg(zone_), p_utm.x() - kFalseEastingM, p_utm.y() - false_northing_m(zone_),
-      latitude_deg, longitude_deg);
+  Eigen::Vector3d p_grid;
+  local_->cartesian.Reverse(p_map.x(), p_map.y(), p_map.z(), latitude_deg, longitude_deg,
+                            p_grid.z());
+  local_->mercator.Forward(local_->grid.central_meridian_deg, latitude_deg, longitude_deg,
+                           p_grid.x(), p_grid.y());
+  return p_grid + local_->grid.offset;
+}
+
+Eigen::Vector3d GridProjection::to_map(const Eigen::Vector3d& p_grid) const {
+  double latitude_deg = 0.0, longitude_deg = 0.0;
+  const Eigen::Vector3d p = p_grid - local_->grid.offset;
+  local_->mercator.Reverse(local_->grid.central_meridian_deg, p.x(), p.y(), latitude_deg,
+                           longitude_deg);
   Eigen::Vector3d p_map;
-  local_->cartesian.Forward(latitude_deg, longitude_deg, p_utm.z(), p_map.x(), p_map.y(),
-                            p_map.z());
+  local_->cartesian.Forward(latitude_deg, longitude_deg, p.z(), p_map.x(), p_map.y(), p_map.z());
   return p_map;
+}
+
+GeodeticOrigin place_in_grid(const Eigen::Vector3d& p_grid, const MercatorGrid& grid) {
+  const Eigen::Vector3d p = p_grid - grid.offset;
+  // A zone and its neighbours; beyond, the projection folds up.
+  if (!(std::abs(p.x()) <= 1e6 && std::abs(p.y()) <= 1.1e7))
+    throw std::invalid_argument(
+        fmt::format("easting {}, northing {}: not of this grid", p_grid.x(), p_grid.y()));
+  GeodeticOrigin place;
+  mercator_of(grid.scale)
+      .Reverse(grid.central_meridian_deg, p.x(), p.y(), place.latitude_deg, place.longitude_deg);
+  place.altitude_m = p.z();
+  return place;
+}
+
+MgrsSquare mgrs_square(const std::string& name) {
+  MgrsSquare square;
+  int precision = 0;
+  try {
+    GeographicLib::MGRS::Reverse(name, square.zone.number, square.zone.north, square.corner.x(),
+                                 square.corner.y(), precision, false);
+  } catch (const GeographicLib::GeographicErr& error) {
+    throw std::invalid_argument(error.what());
+  }
+  if (precision != 0 || square.zone.number < GeographicLib::UTMUPS::MINUTMZONE)
+    throw std::invalid_argument(name + " is no square of 100 km in a zone of UTM");
+  return square;
+}
+
+std::string mgrs_name(const Eigen::Vector3d& p_utm, UtmZone zone) {
+  std::string name;
+  try {
+    GeographicLib::MGRS::Forward(zone.number, zone.north, p_utm.x(), p_utm.y(), 0, name);
+  } catch (const GeographicLib::GeographicErr& error) {
+    throw std::invalid_argument(error.what());
+  }
+  return name;
 }
 
 GeodeticOrigin geodetic_of(const Eigen::Vector3d& p_utm, UtmZone zone) {
@@ -116,12 +173,7 @@ GeodeticOrigin geodetic_of(const Eigen::Vector3d& p_utm, UtmZone zone) {
     throw std::invalid_argument(fmt::format("easting {}, northing {}: not of UTM zone {}{}",
                                             p_utm.x(), p_utm.y(), zone.number,
                                             zone.north ? "N" : "S"));
-  GeodeticOrigin place;
-  GeographicLib::TransverseMercator::UTM().Reverse(
-      central_meridian_deg(zone), p_utm.x() - kFalseEastingM, p_utm.y() - false_northing_m(zone),
-      place.latitude_deg, place.longitude_deg);
-  place.altitude_m = p_utm.z();
-  return place;
+  return place_in_grid(p_utm, grid_of(zone));
 }
 
 }  // namespace stillmap::maps

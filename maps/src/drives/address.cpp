@@ -8,8 +8,8 @@ namespace stillmap::maps {
 Address address_of(const std::filesystem::path& root) {
   const std::string text = root.string();
   const std::size_t mark = text.rfind('?');
-  if (mark == std::string::npos || std::filesystem::exists(root)) return {root, {}, {}, {}};
-  Address address{text.substr(0, mark), {}, {}, {}};
+  if (mark == std::string::npos || std::filesystem::exists(root)) return {root, {}, {}, {}, {}};
+  Address address{text.substr(0, mark), {}, {}, {}, {}};
   std::string_view rest = std::string_view(text).substr(mark + 1);
   const auto take = [](std::string_view word, std::string_view key, std::string& into) {
     if (!word.starts_with(key) || !into.empty()) return false;
@@ -19,7 +19,9 @@ Address address_of(const std::filesystem::path& root) {
   while (!rest.empty()) {
     const std::string_view word = rest.substr(0, rest.find('&'));
     rest.remove_prefix(std::min(word.size() + 1, rest.size()));
-    if (take(word, "sensor=", address.sensor) || take(word, "columns=", address.columns)) continue;
+    if (take(word, "sensor=", address.sensor) || take(word, "columns=", address.columns) ||
+        take(word, "points=", address.points))
+      continue;
     address.words += (address.words.empty() ? "" : "&") + std::string(word);
   }
   return address;

@@ -14,6 +14,8 @@ struct Address {
   std::string sensor;
   /// Of `columns=LETTERS`; empty without it.
   std::string columns;
+  /// Of `points=map`, the frame of the points; empty without it.
+  std::string points;
 };
 
 [[nodiscard]] Address address_of(const std::filesystem::path& root);

@@ -119,6 +119,14 @@ const std::string& cloud_topic(const BagSurvey& survey, const std::optional<std:
       "a topic of them");
 }
 
+std::optional<PointsFrame> points_frame_of(const BagChoice& choice, const std::string& name) {
+  if (!choice.points) return std::nullopt;
+  const auto frame = parse_points_frame(*choice.points);
+  if (!frame)
+    throw InputError(name, "'points=" + *choice.points + "'", "points=map or points=sensor");
+  return frame;
+}
+
 void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey& survey) {
   const TopicSurvey& topic = survey.topics.at(scans.topic);
   for (const auto& bag : *scans.bags)
@@ -260,6 +268,58 @@ std::shared_ptr<const BagScans> scans_on_topic(const std::shared_ptr<const Bags>
   return scans;
 }
 
+/// Clouds that are registered by their frames: whether their points are, told by the scans.
+/// @return whether the poses can be used.
+bool set_points_frame(Drive::Contents& contents, const BagPoses& poses,
+                      const std::optional<PointsFrame>& chosen) {
+  if (!poses.T_map_points && chosen != PointsFrame::kMap) return true;
+  const Eigen::Isometry3d T_map_points = poses.T_map_points.value_or(Eigen::Isometry3d::Identity());
+  std::optional<PointsFrameOverlap> overlap;
+  if (!chosen) overlap = overlap_by_points_frame(contents, contents.T_map_lidar, T_map_points);
+  const std::optional<PointsFrame> found = chosen || !overlap ? chosen : overlap->frame();
+  if (poses.only_if_overlapping && found != PointsFrame::kMap) return false;
+  std::string shares = chosen ? "as was chosen" : "as their messages say";
+  if (overlap)
+    shares = fmt::format("scans overlap by {:.0f} % so, and by {:.0f} % as points of the sensor",
+                         100.0 * overlap->as_map, 100.0 * overlap->as_sensor);
+  const std::string clouds = fmt::format("clouds of {} name '{}', the frame that the poses are in",
+                                         contents.entries.topic, contents.entries.frame_id);
+  if (found == PointsFrame::kSensor) {
+    contents.notes.push_back(
+        fmt::format("{}, but are taken as points of the sensor ({}); points=map decides otherwise",
+                    clouds, shares));
+    return true;
+  }
+  read_points_from_map(contents, T_map_points);
+  contents.notes.push_back(fmt::format(
+      "{}: their points are brought back to the sensor by its poses ({}); points=sensor decides "
+      "otherwise",
+      clouds, shares));
+  if (!poses.moving_frame.empty()) contents.entries.frame_id = poses.moving_frame;
+  return true;
+}
+
+bool has_any_pose(const Drive::Contents& contents, const BagPoses& poses, std::int64_t offset_ns) {
+  return std::any_of(contents.stamps_ns.begin(), contents.stamps_ns.end(), [&](std::int64_t stamp) {
+    return poses.T_map_lidar(stamp - offset_ns).has_value();
+  });
+}
+
+void take_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_t offset_ns,
+                const std::optional<PointsFrame>& points) {
+  const Drive::Contents without_poses = contents;
+  if (!poses.only_if_overlapping || has_any_pose(contents, poses, offset_ns)) {
+    set_bag_poses(contents, poses, offset_ns);
+    contents.poses_have_stamps = true;
+    if (set_points_frame(contents, poses, points)) return;
+  }
+  // tf moves something below the clouds, but they are not registered by it.
+  contents = without_poses;
+  contents.notes.push_back(fmt::format(
+      "{} is not used for poses: the clouds are not registered by it; to use it, choose poses=/tf",
+      poses.source));
+}
+
 DriveLayout layout_of(BagFormat format) {
   switch (format) {
     case BagFormat::kMcap:
@@ -346,6 +406,7 @@ Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
                                   const PosesChoice& choice_of_poses, BagSurvey& found,
                                   const std::shared_ptr<const Bags>& bags) {
   const std::string name = root.string();
+  const std::optional<PointsFrame> points = points_frame_of(choice, name);
   std::vector<VelodyneLaser> lasers;
   if (choice.calibration) lasers = read_velodyne_calibration(*choice.calibration);
   const bool takes_recorded = choice.takes_recorded_stamps();
@@ -355,11 +416,11 @@ Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
   Drive::Contents contents = contents_of(root, scans, found, takes_recorded);
   if (choice_of_poses.file) {
     set_poses(contents, *choice_of_poses.file, choice_of_poses.offset_ns);
+    if (points == PointsFrame::kMap) read_points_from_map(contents);
   } else if (const auto poses = find_poses({*bags, found, choice, contents.entries.frame_id,
                                             taken_at(contents, choice_of_poses.offset_ns), name},
                                            contents.notes)) {
-    set_bag_poses(contents, *poses, choice_of_poses.offset_ns);
-    contents.poses_have_stamps = true;
+    take_poses(contents, *poses, choice_of_poses.offset_ns, points);
   }
   contents.imu = find_imu(found, choice, contents.entries.frame_id, name, contents.notes);
   leave_out_unordered(contents);
@@ -383,11 +444,16 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
                                const PosesChoice& choice_of_poses) {
   BagChoice choice = parse_bag_choice(words, root.string());
   if (fs::is_directory(root)) choice = with_choice_of_folder(std::move(choice), root);
+  if (choice_of_poses.points)
+    choice.points = choice_of_poses.points == PointsFrame::kMap ? "map" : "sensor";
   const auto bags = std::make_shared<Bags>();
   for (const fs::path& file : bag_files(root)) bags->push_back(open_bag(file));
   BagSurvey found = survey(*bags);
   std::vector<RecordingTopic> topics = topics_to_choose(found);
-  const bool has_choice = topics.size() > 1 && topics.front().word == "cloud";
+  // No IMU is in the way of a drive.
+  const auto others =
+      std::ranges::count_if(topics, [](const auto& each) { return each.word != "imu"; });
+  const bool has_choice = others > 1 && topics.front().word == "cloud";
   try {
     return open_surveyed_bag(root, choice, choice_of_poses, found, bags);
   } catch (const InputError& error) {

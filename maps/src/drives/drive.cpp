@@ -2,6 +2,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/imu.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/pose_file.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 
@@ -14,12 +15,14 @@
 
 #include "drives/address.hpp"
 #include "drives/bag_drive.hpp"
+#include "drives/hdl_graph_slam.hpp"
 #include "drives/joined_lidars.hpp"
 #include "drives/keyframes.hpp"
 #include "drives/kitti_odometry.hpp"
 #include "drives/kitti_raw.hpp"
 #include "drives/layout.hpp"
 #include "drives/mulran.hpp"
+#include "drives/points_frame.hpp"
 #include "drives/rawlog_drive.hpp"
 #include "drives/scan_folder.hpp"
 #include "formats/bin.hpp"
@@ -35,11 +38,12 @@ struct LayoutReader {
 };
 
 // Layouts with folders of fixed names; a plain folder of scans is what is left.
-constexpr std::array<LayoutReader, 6> kNamedLayouts{{
+constexpr std::array<LayoutReader, 7> kNamedLayouts{{
     {DriveLayout::kKittiRaw, is_kitti_raw, open_kitti_raw},
     {DriveLayout::kKittiOdometry, is_kitti_odometry, open_kitti_odometry},
     {DriveLayout::kKeyframes, is_keyframes, open_keyframes},
     {DriveLayout::kMulran, is_mulran, open_mulran},
+    {DriveLayout::kHdlGraphSlam, is_hdl_graph_slam, open_hdl_graph_slam},
     {DriveLayout::kRosbag2, is_bag, nullptr},
     {DriveLayout::kRawlog, is_rawlog, nullptr},
 }};
@@ -56,12 +60,19 @@ LayoutReader reader_for(const std::filesystem::path& root) {
                      "one layout: move the files of the other away");
   }
   if (found.size() == 1) return found.front();
+  if (is_glim_dump(root))
+    throw InputError(root.string(), "a dump of GLIM, whose submaps are merged scans",
+                     "the scans themselves: give the bag that GLIM read, with --poses " +
+                         root.string() +
+                         "; to take GLIM's points as they are, write them as PLY in its "
+                         "offline_viewer and run stillmap import");
   if (is_scan_folder(root)) return {DriveLayout::kScanFolder, is_scan_folder, open_scan_folder};
   throw InputError(
       root.string(), "no layout that is known",
       "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
       "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
-      "global_pose.csv (MulRan), *.mcap, *.db3 or *.bag (bags), *.rawlog (MRPT), or *.pcd, "
+      "global_pose.csv (MulRan), 000000/cloud.pcd with 000000/data (hdl_graph_slam), *.mcap, *.db3 "
+      "or *.bag (bags), *.rawlog (MRPT), or *.pcd, "
       "*.ply or *.bin");
 }
 
@@ -97,6 +108,15 @@ void set_imu(Drive::Contents& contents) {
   if (imu.readings) contents.imu = std::make_shared<const Imu>(std::move(imu));
 }
 
+std::optional<PointsFrame> points_frame_in(const Address& address) {
+  if (address.points.empty()) return std::nullopt;
+  const auto frame = parse_points_frame(address.points);
+  if (!frame)
+    throw InputError(address.place.string(), "'?points=" + address.points + "'",
+                     "points=map or points=sensor: the frame of the points in the files");
+  return frame;
+}
+
 Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
   const std::filesystem::path& place = address.place;
   const std::string& words = address.words;
@@ -109,10 +129,10 @@ Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
     const LayoutReader reader = reader_for(place);
     const bool takes_imu = words != "imu=none";
     if (reader.open != nullptr && !words.empty() && takes_imu)
-      throw InputError(
-          place.string(), "'?" + words + "' behind a drive that is no bag",
-          "its folder alone, '?sensor=NAME', '?columns=xyzir' or '?imu=none': leave out "
-          "the rest");
+      throw InputError(place.string(), "'?" + words + "' behind a drive that is no bag",
+                       "its folder alone, '?sensor=NAME', '?columns=xyzir', '?points=map' or "
+                       "'?imu=none': leave out "
+                       "the rest");
     if (reader.open != nullptr) {
       Drive::Contents contents = reader.open(place, poses);
       if (takes_imu) set_imu(contents);
@@ -126,13 +146,6 @@ Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
                      "rawlog: check the path");
   }
   return open_bag_drive(place, words, poses);
-}
-
-ScanFileHints file_hints(const Drive::Contents& contents, std::size_t scan) {
-  ScanFileHints hints;
-  hints.bin_columns = contents.bin_columns;
-  if (!contents.relative_clock) hints.stamp_ns = contents.stamps_ns[scan];
-  return hints;
 }
 
 /// Columns of *.bin, as they were given; without, a look at the first scan, which may be of others.
@@ -179,6 +192,8 @@ std::string_view name_of(DriveLayout layout) {
       return "rosbag1";
     case DriveLayout::kMulran:
       return "mulran";
+    case DriveLayout::kHdlGraphSlam:
+      return "hdl_graph_slam";
     case DriveLayout::kRawlog:
       return "rawlog";
   }
@@ -189,13 +204,16 @@ Drive Drive::open(const std::filesystem::path& root,
                   const std::optional<std::filesystem::path>& poses_file,
                   std::int64_t pose_offset_ns) {
   const Address address = address_of(root);
-  Contents contents = open_place(address, {poses_file, pose_offset_ns});
+  const PosesChoice choice{poses_file, pose_offset_ns, points_frame_in(address)};
+  Contents contents = open_place(address, choice);
   set_bin_columns(contents, address.columns);
   if (!contents.lidars.empty() && !address.sensor.empty())
     throw InputError(root.string(), "'sensor=" + address.sensor + "' for several lidars",
                      "a sensor for each: write ?sensor=NAME behind each drive in lidars.json");
   if (pose_offset_ns != 0 && !contents.poses_have_stamps && !contents.T_map_lidar.empty())
     shift_poses_of_scans(contents, pose_offset_ns);
+  if (choice.points == PointsFrame::kMap && !contents.points_from_map)
+    read_points_from_map(contents);
   Drive drive(std::move(contents));
   return address.sensor.empty() ? drive : with_sensor(drive, sensor_preset(address.sensor));
 }
@@ -215,7 +233,10 @@ bool Drive::is_in(const std::filesystem::path& folder) {
 std::string Drive::Contents::scan_name(std::size_t index) const {
   std::string name = scan_files.at(index).filename().string();
   if (!entries.numbers.empty())
-    name += ' ' + entries.topic + ' ' + std::to_string(entries.numbers.at(index));
+    name += (entries.topic.empty() ? "" : ' ' + entries.topic) + ' ' +
+            std::to_string(entries.numbers.at(index));
+  // Scans that are read otherwise are called otherwise: what was found in them is not taken over.
+  if (points_from_map) name += " from map";
   return name;
 }
 
@@ -309,8 +330,8 @@ std::vector<std::uint32_t> Drive::read_labels(std::size_t index) const {
 
 std::optional<std::vector<std::optional<Eigen::Isometry3d>>> poses_of_some_scans(
     const Drive& drive, const std::filesystem::path& poses_file) {
-  if (poses_format(poses_file) != PosesFormat::kTum) return std::nullopt;
-  const Trajectory trajectory = read_tum_trajectory(poses_file);
+  const Trajectory trajectory = read_pose_file(poses_file).stamped;
+  if (trajectory.empty()) return std::nullopt;
   if (trajectory.size() >= drive.size()) return std::nullopt;
   const std::vector<std::int64_t>& stamps = drive.contents().stamps_ns;
   std::vector<std::optional<Eigen::Isometry3d>> poses(drive.size());

@@ -184,8 +184,8 @@ Drive::Contents joined_lidars(const Drive& reference, const std::string& name,
   contents.spin_start_end_s.clear();
   Drive::Contents::Entries& entries = contents.entries;
   // Scans with other mounts are called otherwise: what was found in them is not taken over.
-  entries.topic = fmt::format("{} {}", fmt::join(contents.lidars, ","),
-                              sha256_of(drives->mounts).substr(0, 8));
+  entries.topic =
+      fmt::format("{} {}", fmt::join(contents.lidars, ","), sha256_of(drives->mounts).substr(0, 8));
   entries.numbers.resize(reference.size());
   for (std::size_t i = 0; i < reference.size(); ++i) entries.numbers[i] = i;
   entries.read = [drives](std::size_t number) { return read_joined(*drives, number); };

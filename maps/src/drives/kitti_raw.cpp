@@ -1,10 +1,15 @@
 #include "drives/kitti_raw.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/frames.hpp>
 
 #include <fmt/format.h>
 
+#include <memory>
+#include <utility>
+
 #include "drives/calibration.hpp"
+#include "drives/kitti360.hpp"
 #include "drives/layout.hpp"
 #include "drives/oxts.hpp"
 
@@ -100,8 +105,24 @@ void set_spin(Drive::Contents& contents, const fs::path& velodyne) {
   }
 }
 
+/// Poses of a file; those of KITTI-360 are brought from its IMU or camera to the lidar.
+void set_kitti_poses(Drive::Contents& contents, const fs::path& file, std::int64_t offset_ns) {
+  set_poses(contents, file, offset_ns);
+  const auto T_pose_lidar = kitti360_T_pose_lidar(file);
+  if (!T_pose_lidar) return;
+  for (Eigen::Isometry3d& T : contents.T_map_lidar) T = renormalized(T * *T_pose_lidar);
+  if (!contents.path) return;
+  std::vector<StampedPose> path = contents.path->poses();
+  for (StampedPose& pose : path) pose.T_map_lidar = renormalized(pose.T_map_lidar * *T_pose_lidar);
+  contents.path = std::make_shared<const Trajectory>(std::move(path));
+}
+
 void set_oxts_poses(Drive::Contents& contents, std::int64_t offset_ns) {
   const fs::path oxts = contents.root / "oxts";
+  if (const auto poses = kitti360_poses(contents.root); poses && !fs::exists(oxts)) {
+    contents.notes.push_back("poses are those of KITTI-360: " + poses->string());
+    return set_kitti_poses(contents, *poses, offset_ns);
+  }
   if (!fs::exists(oxts)) {
     contents.notes.emplace_back("no oxts folder: a drive without poses");
     return;
@@ -135,7 +156,7 @@ Drive::Contents open_kitti_raw(const fs::path& root, const PosesChoice& choice) 
   set_spin(contents, velodyne);
   set_labels(contents);
   if (choice.file) {
-    set_poses(contents, *choice.file, choice.offset_ns);
+    set_kitti_poses(contents, *choice.file, choice.offset_ns);
   } else {
     set_oxts_poses(contents, choice.offset_ns);
   }

@@ -1,10 +1,14 @@
 #include "drives/layout.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/pose_file.hpp>
+#include <stillmap/maps/scan_file.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <system_error>
 #include <utility>
@@ -162,19 +166,6 @@ void assume_times(Drive::Contents& contents) {
   contents.notes.emplace_back("no file tells the scans' times: taken as 0.1 s apart");
 }
 
-PosesFormat poses_format(const fs::path& file) {
-  const std::string text = read_text(file);
-  const std::vector<NumberLine> lines = number_lines(text);
-  if (lines.empty())
-    throw InputError(file.string(), "no poses",
-                     "KITTI or TUM poses: give another file, or take it away");
-  const std::size_t numbers = lines.front().fields.size();
-  if (numbers == 12) return PosesFormat::kKitti;
-  if (numbers == 8) return PosesFormat::kTum;
-  throw InputError(place(file, lines.front().line), std::to_string(numbers) + " fields",
-                   "12 numbers (KITTI) or 8 (TUM: stamp tx ty tz qx qy qz qw) on each line");
-}
-
 bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const fs::path& source,
                          std::int64_t offset_ns) {
   const Trajectory trajectory = shifted(own, offset_ns, source);
@@ -213,20 +204,53 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const
   return kept.front() > 0;
 }
 
+void set_numbered_poses(Drive::Contents& contents, const PoseFile& poses,
+                        const fs::path& poses_file, std::int64_t offset_ns) {
+  std::map<std::size_t, std::size_t> pose_of_number;
+  for (std::size_t i = 0; i < poses.numbers.size(); ++i) pose_of_number[poses.numbers[i]] = i;
+  const std::size_t scans = contents.scan_files.size();
+  std::vector<StampedPose> path;
+  for (std::size_t i = 0; i < scans; ++i) {
+    const std::optional<std::size_t> number = contents.entries.numbers.empty()
+                                                  ? number_of(contents.scan_files[i])
+                                                  : contents.entries.numbers[i];
+    const auto found = number ? pose_of_number.find(*number) : pose_of_number.end();
+    if (found != pose_of_number.end())
+      path.push_back({contents.stamps_ns[i], poses.poses[found->second]});
+  }
+  // Scans without numbers in their names, or numbers of a graph's own: one after the other.
+  if (path.size() < scans && pose_of_number.size() == scans) {
+    path.clear();
+    for (const auto& [number, pose] : pose_of_number)
+      path.push_back({contents.stamps_ns[path.size()], poses.poses[pose]});
+  }
+  if (path.empty())
+    throw InputError(
+        poses_file.string(),
+        fmt::format("poses of scans {} to {}",
+                    pose_of_number.empty() ? 0 : pose_of_number.begin()->first,
+                    pose_of_number.empty() ? 0 : pose_of_number.rbegin()->first),
+        fmt::format("numbers of these scans, as in the name {}: give the poses of this drive",
+                    contents.scan_files.front().filename().string()));
+  std::sort(path.begin(), path.end(),
+            [](const StampedPose& a, const StampedPose& b) { return a.stamp_ns < b.stamp_ns; });
+  contents.counts_from_first_pose =
+      set_poses_at_stamps(contents, Trajectory(std::move(path)), poses_file, offset_ns);
+}
+
 void set_poses(Drive::Contents& contents, const fs::path& poses_file, std::int64_t offset_ns) {
-  if (poses_format(poses_file) == PosesFormat::kTum) {
-    const Trajectory trajectory = read_tum_trajectory(poses_file);
-    set_position_step(contents, trajectory);
+  const PoseFile poses = read_pose_file(poses_file);
+  set_position_step(contents, poses.all());
+  if (poses.has_stamps()) {
     contents.counts_from_first_pose =
-        set_poses_at_stamps(contents, trajectory, poses_file, offset_ns);
+        set_poses_at_stamps(contents, poses.stamped, poses_file, offset_ns);
     return;
   }
-  const std::vector<Eigen::Isometry3d> poses = read_kitti_poses(poses_file);
-  set_position_step(contents, poses);
+  if (!poses.numbers.empty()) return set_numbered_poses(contents, poses, poses_file, offset_ns);
   contents.T_map_lidar.clear();
   for (const std::size_t line :
-       lines_of_scans(contents.scan_files, poses.size(), poses_file, "poses")) {
-    contents.T_map_lidar.push_back(poses[line]);
+       lines_of_scans(contents.scan_files, poses.poses.size(), poses_file, "poses")) {
+    contents.T_map_lidar.push_back(poses.poses[line]);
   }
 }
 
@@ -274,6 +298,26 @@ void set_labels(Drive::Contents& contents) {
     contents.label_files.push_back(std::move(file));
   }
   if (missing > 0) contents.notes.push_back(fmt::format("{} scans without labels", missing));
+}
+
+ScanFileHints file_hints(const Drive::Contents& contents, std::size_t scan) {
+  ScanFileHints hints;
+  hints.bin_columns = contents.bin_columns;
+  if (!contents.relative_clock) hints.stamp_ns = contents.stamps_ns[scan];
+  return hints;
+}
+
+void set_entries_of_files(Drive::Contents& contents) {
+  Drive::Contents::Entries& entries = contents.entries;
+  if (!entries.numbers.empty()) return;
+  const auto& files = contents.scan_files;
+  for (std::size_t i = 0; i < files.size(); ++i) entries.numbers.push_back(i);
+  std::vector<ScanFileHints> hints;
+  for (std::size_t i = 0; i < files.size(); ++i) hints.push_back(file_hints(contents, i));
+  entries.read = [files, hints = std::move(hints)](std::size_t i) {
+    return read_scan_file(files.at(i), hints.at(i));
+  };
+  entries.sha256 = [files](std::size_t i) { return sha256_of_file(files.at(i)); };
 }
 
 bool is_recording(DriveLayout layout) {

@@ -10,6 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "drives/points_frame.hpp"
+
 /// What the openers of the layouts share.
 namespace stillmap::maps {
 
@@ -19,6 +21,8 @@ struct PosesChoice {
   std::optional<std::filesystem::path> file;
   /// Added to the stamps of poses that have their own [ns].
   std::int64_t offset_ns = 0;
+  /// Of the points, if it was chosen.
+  std::optional<PointsFrame> points{};
 };
 
 /// Time between scans when no file tells it [ns]: 0.1 s, the turn of most sensors.
@@ -54,11 +58,6 @@ void set_times(Drive::Contents& contents, const std::filesystem::path& times_fil
 /// 0, 0.1 s, 0.2 s ... on a relative clock, said in the notes.
 void assume_times(Drive::Contents& contents);
 
-/// Whether a poses file has 12 (KITTI) or 8 (TUM) numbers a line. @throws InputError for anything
-/// else.
-enum class PosesFormat { kKitti, kTum };
-[[nodiscard]] PosesFormat poses_format(const std::filesystem::path& file);
-
 /// Gives the scans the poses of the trajectory at their stamps, up to 0.2 s beyond its ends. Scans
 /// farther out are left out and noted (recorders of scans and poses start and end apart), and so
 /// are those in gaps whose place is unknown (pose_gaps.hpp). The trajectory becomes the contents'
@@ -69,8 +68,10 @@ enum class PosesFormat { kKitti, kTum };
 bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory,
                          const std::filesystem::path& source, std::int64_t offset_ns);
 
-/// Gives the scans `T_map_lidar` from a KITTI or TUM file, instead of the layout's own.
-/// @param offset_ns  added to the stamps of TUM.
+/// Gives the scans `T_map_lidar` from a file of poses (`read_pose_file`) instead of the layout's
+/// own: by stamps, by the numbers of scans (between two of them interpolated as by stamps), or in
+/// turn.
+/// @param offset_ns  added to the stamps of the poses.
 void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file,
                std::int64_t offset_ns);
 
@@ -91,6 +92,13 @@ void set_labels(Drive::Contents& contents);
 
 /// Keeps some of the scans with all that belongs to them. @param kept  ascending.
 void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept);
+
+/// What the drive knows of a scan's file beyond the file.
+[[nodiscard]] ScanFileHints file_hints(const Drive::Contents& contents, std::size_t scan);
+
+/// Reads the files of a drive as entries, so that their reading can be changed. Nothing to do where
+/// they are.
+void set_entries_of_files(Drive::Contents& contents);
 
 /// Whether a layout is a recording of all that a sensor sent, in a file with other messages.
 [[nodiscard]] bool is_recording(DriveLayout layout);

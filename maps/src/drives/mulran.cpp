@@ -16,7 +16,7 @@
 
 #include <stillmap/maps/text.hpp>
 #include "drives/layout.hpp"
-#include "formats/kitti_pose.hpp"
+#include "formats/pose_line.hpp"
 
 namespace stillmap::maps {
 namespace {

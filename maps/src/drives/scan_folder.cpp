@@ -1,6 +1,7 @@
 #include "drives/scan_folder.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/pose_file.hpp>
 
 #include <fmt/format.h>
 
@@ -11,6 +12,7 @@
 
 #include <stillmap/maps/text.hpp>
 #include "drives/layout.hpp"
+#include "drives/viewpoint_poses.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -65,6 +67,8 @@ std::optional<fs::path> folder_poses(const fs::path& root) {
         candidates.front().filename().string() + " and " + candidates.back().filename().string(),
         "one file of poses: name it with --poses FILE, or move the others away");
   }
+  if (candidates.empty() && fs::exists(root / "poses.csv")) return root / "poses.csv";
+  if (candidates.empty()) candidates = list_files(root, ".g2o");
   if (candidates.empty()) return std::nullopt;
   return candidates.front();
 }
@@ -96,8 +100,8 @@ bool set_stamps_from_names(Drive::Contents& contents) {
 }
 
 /// Scans without stamps and a path of as many poses belong together one by one.
-void set_stamps_and_poses(Drive::Contents& contents, const fs::path& tum_file) {
-  const Trajectory trajectory = read_tum_trajectory(tum_file);
+void set_stamps_and_poses(Drive::Contents& contents, const Trajectory& trajectory,
+                          const fs::path& tum_file) {
   if (trajectory.size() != contents.scan_files.size()) {
     throw InputError(tum_file.string(), fmt::format("{} poses", trajectory.size()),
                      fmt::format("{}, one for each scan, since the scans' names are no stamps (19 "
@@ -136,11 +140,16 @@ Drive::Contents open_scan_folder(const fs::path& root, const PosesChoice& choice
   // Beside the scans when the folder around them has none, as in an archive of a drive's folder.
   std::optional<fs::path> poses = choice.file ? choice.file : folder_poses(root);
   if (!poses) poses = folder_poses(folders.front());
-  if (!with_stamps && poses && poses_format(*poses) == PosesFormat::kTum) {
-    set_stamps_and_poses(contents, *poses);
+  std::optional<PoseFile> without_stamps;
+  if (!with_stamps && poses) without_stamps = read_pose_file(*poses);
+  if (without_stamps && without_stamps->has_stamps()) {
+    set_stamps_and_poses(contents, without_stamps->stamped, *poses);
   } else {
     if (!with_stamps) assume_times(contents);
-    if (poses) set_poses(contents, *poses, choice.offset_ns);
+    if (poses)
+      set_poses(contents, *poses, choice.offset_ns);
+    else
+      set_poses_of_viewpoints(contents, choice.points);
   }
   leave_out_unordered(contents);
   return contents;

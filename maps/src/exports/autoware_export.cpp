@@ -1,10 +1,13 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <stillmap/maps/error.hpp>
 
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <optional>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "exports/exporters.hpp"
@@ -18,6 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kSizeM = 20;
+/// Autoware's own, unless its file says another.
+constexpr double kScale = 0.9996;
 constexpr const char* kFolder = "pointcloud_map.pcd";
 /// A file holds the points as floats, and belongs where these say.
 using Square = std::pair<std::int64_t, std::int64_t>;
@@ -27,22 +32,53 @@ struct Written {
   float intensity;
 };
 
-/// Autoware's coordinates: the map's own, or UTM from the map's origin on (`LocalCartesianUTM`)
-/// with the height above the ellipsoid.
+/// Autoware's coordinates, whose heights are above the ellipsoid but for the map's own.
 class AutowareCoordinates {
  public:
   explicit AutowareCoordinates(const ExportJob& job) : coordinates_(job.map, job.frame) {
-    if (const auto& utm = coordinates_.utm()) {
+    const auto& utm = coordinates_.utm();
+    if (job.frame == ExportFrame::kTransverseMercator) {
+      GeodeticOrigin zero = job.map.manifest().geodetic_origin.value();
+      zero.altitude_m = 0.0;
+      grid_.emplace(job.map.manifest().geodetic_origin.value(), grid_at(zero, kScale));
+    } else if (job.frame == ExportFrame::kMgrs) {
+      mgrs_ = square_around(job.map, *utm);
+      origin_.head<2>() = mgrs_square(mgrs_).corner;
+    } else if (utm) {
       origin_ = utm->to_utm(Eigen::Vector3d::Zero());
       origin_.z() = 0.0;
     }
   }
   [[nodiscard]] Eigen::Vector3f operator()(const MapPoint& point) const {
-    return (coordinates_(point) - origin_).cast<float>();
+    const Eigen::Vector3d p = coordinates_(point);
+    return (grid_ ? grid_->to_grid(p) : Eigen::Vector3d(p - origin_)).cast<float>();
   }
+  /// Of kMgrs.
+  [[nodiscard]] const std::string& mgrs() const { return mgrs_; }
 
  private:
+  /// The only one that Autoware can use. @throws InputError where the map reaches into another.
+  static std::string square_around(const MapPackage& map, const UtmProjection& utm) {
+    std::set<std::string> squares;
+    for (const TileEntry& tile : point_tiles(map)) {
+      for (const unsigned number : {0U, 1U, 2U, 3U}) {
+        const Eigen::Vector3f corner((number & 1U) == 0 ? tile.min[0] : tile.max[0],
+                                     (number & 2U) == 0 ? tile.min[1] : tile.max[1], tile.min[2]);
+        const Eigen::Vector3d p_map = corner.cast<double>() + map.manifest().origin;
+        squares.insert(mgrs_name(utm.to_utm(p_map), utm.zone()));
+      }
+    }
+    if (squares.size() != 1)
+      throw InputError(
+          map.folder().string(),
+          fmt::format("a map in {} squares of MGRS ({})", squares.size(), fmt::join(squares, ", ")),
+          "one square, as Autoware needs it: give --coordinates utm");
+    return *squares.begin();
+  }
+
   FileCoordinates coordinates_;
+  std::optional<GridProjection> grid_;
+  std::string mgrs_;
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
 };
 
@@ -85,20 +121,32 @@ void write_square(const ExportJob& job, const AutowareCoordinates& coordinates,
   file.close();
 }
 
-std::string projector_text(const ExportJob& job) {
+std::string projector_text(const ExportJob& job, const AutowareCoordinates& coordinates) {
   const auto& place = job.map.manifest().geodetic_origin;
   if (!place) return "projector_type: Local\n";
+  if (job.frame == ExportFrame::kMgrs)
+    return fmt::format("projector_type: MGRS\nvertical_datum: WGS84\nmgrs_grid: {}\n",
+                       coordinates.mgrs());
+  const bool is_map = job.frame == ExportFrame::kMap;
+  const bool is_utm = job.frame == ExportFrame::kUtm;
   return fmt::format(
       "projector_type: {}\nvertical_datum: WGS84\nmap_origin:\n  latitude: {}\n  longitude: {}\n"
-      "  altitude: {}\n",
-      job.frame == ExportFrame::kUtm ? "LocalCartesianUTM" : "LocalCartesian", place->latitude_deg,
-      place->longitude_deg, job.frame == ExportFrame::kUtm ? 0.0 : place->altitude_m);
+      "  altitude: {}\n{}",
+      is_map   ? "LocalCartesian"
+      : is_utm ? "LocalCartesianUTM"
+               : "TransverseMercator",
+      place->latitude_deg, place->longitude_deg, is_map ? place->altitude_m : 0.0,
+      is_map || is_utm ? "" : fmt::format("scale_factor: {}\n", kScale));
 }
 
-/// Its loader takes the origin's altitude as 0, whatever the file says.
-void note_heights(ExportJob& job) {
+void note_frame(ExportJob& job) {
   const auto& place = job.map.manifest().geodetic_origin;
-  if (!place || job.frame == ExportFrame::kUtm) return;
+  if (job.frame == ExportFrame::kMgrs)
+    job.result.notes.emplace_back(
+        "coordinates up to 100 km from the corner of the MGRS square are up to 8 mm coarse in "
+        "Autoware's floats; with --coordinates utm they are fine");
+  // Its loader takes the origin's altitude as 0, whatever the file says.
+  if (!place || job.frame != ExportFrame::kMap) return;
   job.result.notes.push_back(
       fmt::format("Autoware takes altitudes as z, so those of GNSS are {} m above this map's; with "
                   "--coordinates utm they are the same",
@@ -133,9 +181,9 @@ void export_autoware(ExportJob& job) {
     job.tell({0.4, 1.0}, ++done, squares.size());
   }
   write_text(job.target / "pointcloud_map_metadata.yaml", metadata);
-  write_text(job.target / "map_projector_info.yaml", projector_text(job));
+  write_text(job.target / "map_projector_info.yaml", projector_text(job, coordinates));
   job.result.counts["squares"] = squares.size();
-  note_heights(job);
+  note_frame(job);
 }
 
 }  // namespace stillmap::maps

@@ -21,7 +21,7 @@ constexpr std::size_t kMostOfLine = 128;
 
 FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame)
     : frame_(frame), origin_(map.manifest().origin) {
-  if (frame != ExportFrame::kUtm) return;
+  if (frame != ExportFrame::kUtm && frame != ExportFrame::kMgrs) return;
   const auto& place = map.manifest().geodetic_origin;
   const auto zone = place ? utm_zone_of(*place) : std::nullopt;
   if (!zone)

@@ -12,13 +12,14 @@ namespace stillmap::maps {
 /// Takes the points of a map's tiles to the coordinates of an exported file.
 class FileCoordinates {
  public:
-  /// @throws InputError for kUtm where the map has no geodetic origin or lies in a polar region.
+  /// @throws InputError for kUtm and kMgrs where the map has no geodetic origin or lies in a polar
+  /// region.
   FileCoordinates(const MapPackage& map, ExportFrame frame);
 
   [[nodiscard]] Eigen::Vector3d operator()(const MapPoint& point) const;
 
   [[nodiscard]] ExportFrame frame() const { return frame_; }
-  /// With kUtm.
+  /// With kUtm and kMgrs.
   [[nodiscard]] const std::optional<UtmProjection>& utm() const { return utm_; }
 
  private:

@@ -42,7 +42,7 @@ const std::vector<Row>& rows() {
       {{"autoware",
         "Autoware: PCD tiles of 20 m with their metadata and projector (folder)",
         true,
-        {.without = true, .frames = {kMap, kUtm}}},
+        {.without = true, .frames = {kMap, kUtm, kMgrs, kTransverseMercator}}},
        export_autoware},
       {{"nav2",
         "Nav2: occupancy grid as PGM with YAML (folder)",
@@ -80,6 +80,8 @@ const Row& row_of(std::string_view name) {
       fmt::format("format: found '{}', expected one of {}", name, fmt::join(names, ", ")));
 }
 
+bool needs_place(ExportFrame frame) { return frame != kMap && frame != kLocal; }
+
 /// What a format is written in when nobody says it: its first frame that the map has.
 ExportFrame frame_of(const MapExportFormat& format, const MapExportOptions& options,
                      const MapPackage& map) {
@@ -87,11 +89,12 @@ ExportFrame frame_of(const MapExportFormat& format, const MapExportOptions& opti
   if (!options.frame) {
     const auto& frames = format.uses.frames;
     return *std::find_if(frames.begin(), frames.end(),
-                         [&](ExportFrame frame) { return has_place || frame != kUtm; });
+                         [&](ExportFrame frame) { return has_place || !needs_place(frame); });
   }
-  if (*options.frame == kUtm && !has_place)
+  if (needs_place(*options.frame) && !has_place)
     throw InputError(map.folder().string(), "a map without a geodetic origin",
-                     "one for UTM: build or import with --geo-origin");
+                     fmt::format("one for {}: build or import with --geo-origin",
+                                 *options.frame == kUtm ? "UTM" : name_of(*options.frame)));
   return *options.frame;
 }
 
@@ -123,6 +126,10 @@ std::string_view name_of(ExportFrame frame) {
       return "local";
     case kUtm:
       return "utm";
+    case kMgrs:
+      return "mgrs";
+    case kTransverseMercator:
+      return "transverse-mercator";
   }
   return "";
 }

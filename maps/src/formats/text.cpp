@@ -87,7 +87,10 @@ std::string read_text(const std::filesystem::path& file, std::uintmax_t most_byt
     throw InputError(file.string(), std::to_string(size) + " bytes",
                      "at most " + std::to_string(most_bytes));
   const FileBytes bytes = read_bytes(file);
-  return {reinterpret_cast<const char*>(bytes.span().data()), bytes.span().size()};
+  std::string_view text(reinterpret_cast<const char*>(bytes.span().data()), bytes.span().size());
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
+  return std::string(text);
 }
 
 std::vector<std::string_view> split_fields(std::string_view line, std::size_t limit) {

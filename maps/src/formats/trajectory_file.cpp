@@ -13,15 +13,14 @@
 
 #include <stillmap/maps/text.hpp>
 #include "core/pose_bounds.hpp"
-#include "formats/kitti_pose.hpp"
+#include "formats/pose_line.hpp"
 
 namespace stillmap::maps {
 namespace {
 
-void check_position(const std::filesystem::path& file, const NumberLine& line,
-                    const Eigen::Vector3d& t) {
+void check_position(const std::filesystem::path& file, std::size_t line, const Eigen::Vector3d& t) {
   if (t.cwiseAbs().maxCoeff() <= kMaxPositionM) return;
-  throw InputError(place(file, line.line),
+  throw InputError(place(file, line),
                    fmt::format("a position of {:.3g} m", t.cwiseAbs().maxCoeff()),
                    fmt::format("at most {:g} m on each axis: write positions from an origin nearby",
                                kMaxPositionM));
@@ -35,17 +34,7 @@ StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& 
     throw InputError(place(file, line.line), "stamp '" + std::string(line.fields[0]) + "'",
                      "seconds that fit 64 bits of nanoseconds: write stamps in seconds");
   }
-  const Eigen::Quaterniond q(n[7], n[4], n[5], n[6]);
-  if (!(std::abs(q.norm() - 1.0) <= kMaxOffRotation)) {
-    throw InputError(place(file, line.line), fmt::format("a quaternion of norm {:.6g}", q.norm()),
-                     "norm 1: write the lines as stamp tx ty tz qx qy qz qw");
-  }
-  StampedPose pose;
-  pose.stamp_ns = *stamp_ns;
-  pose.T_map_lidar.linear() = q.normalized().toRotationMatrix();
-  pose.T_map_lidar.translation() << n[1], n[2], n[3];
-  check_position(file, line, pose.T_map_lidar.translation());
-  return pose;
+  return {*stamp_ns, pose_of_quaternion(file, line.line, std::span(n).last<7>())};
 }
 
 /// Seconds with 9 decimals, by integers: a double has no room for them.
@@ -58,9 +47,22 @@ std::string stamp_text(std::int64_t stamp_ns) {
 
 }  // namespace
 
-Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const NumberLine& line) {
-  std::array<double, 12> n{};
-  parse_finite(file, line, n);
+Eigen::Isometry3d pose_of_quaternion(const std::filesystem::path& file, std::size_t line,
+                                     std::span<const double, 7> n) {
+  const Eigen::Quaterniond q(n[6], n[3], n[4], n[5]);
+  if (!(std::abs(q.norm() - 1.0) <= kMaxOffRotation)) {
+    throw InputError(place(file, line), fmt::format("a quaternion of norm {:.6g}", q.norm()),
+                     "norm 1: write the lines as stamp tx ty tz qx qy qz qw");
+  }
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = q.normalized().toRotationMatrix();
+  T.translation() << n[0], n[1], n[2];
+  check_position(file, line, T.translation());
+  return T;
+}
+
+Eigen::Isometry3d pose_of_matrix(const std::filesystem::path& file, std::size_t line,
+                                 std::span<const double, 12> n) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() << n[0], n[1], n[2], n[4], n[5], n[6], n[8], n[9], n[10];
   T.translation() << n[3], n[7], n[11];
@@ -68,10 +70,16 @@ Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const Numb
   const Eigen::Matrix3d R = T.linear();
   const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(off <= kMaxOffRotation) || R.determinant() < 0.0) {
-    throw InputError(place(file, line.line), fmt::format("a 3x3 part {:.3g} off a rotation", off),
+    throw InputError(place(file, line), fmt::format("a 3x3 part {:.3g} off a rotation", off),
                      "a rotation R: write the lines as the 3x4 matrix [R t], row by row");
   }
   return renormalized(T);
+}
+
+Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const NumberLine& line) {
+  std::array<double, 12> n{};
+  parse_finite(file, line, n);
+  return pose_of_matrix(file, line.line, n);
 }
 
 std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& file) {

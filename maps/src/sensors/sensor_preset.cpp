@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "drives/address.hpp"
+#include "drives/layout.hpp"
 #include "sensors/turn_times.hpp"
 
 namespace stillmap::maps {
@@ -140,17 +141,11 @@ std::vector<std::string> guess_sensors(const Scan& scan) {
 Drive with_sensor(const Drive& drive, const SensorPreset& sensor) {
   Drive::Contents contents = drive.contents();
   const bool at_one_instant =
-      contents.layout == DriveLayout::kKittiOdometry || contents.layout == DriveLayout::kKeyframes;
+      contents.points_from_map || contents.layout == DriveLayout::kKittiOdometry ||
+      contents.layout == DriveLayout::kKeyframes || contents.layout == DriveLayout::kHdlGraphSlam;
   if (!sensor.stamp_at || at_one_instant || !contents.spin_start_end_s.empty()) return drive;
+  set_entries_of_files(contents);
   Drive::Contents::Entries& entries = contents.entries;
-  if (entries.numbers.empty()) {
-    const auto& files = contents.scan_files;
-    for (std::size_t i = 0; i < files.size(); ++i) entries.numbers.push_back(i);
-    entries.read = [files, columns = contents.bin_columns](std::size_t i) {
-      return read_scan_file(files.at(i), {std::nullopt, columns});
-    };
-    entries.sha256 = [files](std::size_t i) { return sha256_of_file(files.at(i)); };
-  }
   // Scans that are read otherwise are called otherwise: what was found in them is not taken over.
   entries.topic += (entries.topic.empty() ? "" : " ") + std::string(sensor.name);
   entries.read = [read = entries.read, turn_s = period_s(drive),

@@ -225,7 +225,7 @@ void inspect(const std::filesystem::path& path, const JsonOutput& json, bool by_
     }
   }
   const std::string extension = path.extension().string();
-  if (extension == ".txt" || extension == ".tum")
+  if (extension == ".txt" || extension == ".tum" || extension == ".csv" || extension == ".g2o")
     return print(server::summarize_trajectory(path), json);
   // What is none of these is refused there by name.
   print(server::summarize_cloud(path), json);
@@ -246,7 +246,7 @@ void add_inspect(CLI::App& app) {
   command
       ->add_option("PATH", arguments->path,
                    "Map package, drive (its folder, or the file of a bag or a rawlog), point cloud "
-                   "(.pcd, .ply, .las, .bin) or poses (.tum, .txt)")
+                   "(.pcd, .ply, .las, .bin) or poses (.tum, .txt, .csv, .g2o)")
       ->required()
       ->check(command_line::existing_path());
   arguments->json.add_to(*command);

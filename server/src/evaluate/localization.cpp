@@ -205,11 +205,11 @@ void add_localization(CLI::App& evaluate_command) {
       ->required()
       ->check(command_line::existing_drive());
   command
-      ->add_option(
-          "--poses", arguments->poses,
-          "Poses to use instead of the drive's own: KITTI or TUM, T_map_lidar. Where a TUM "
-          "file has poses of some scans only, only these scans are localized")
-      ->check(command_line::existing_file());
+      ->add_option("--poses", arguments->poses,
+                   "Poses to use instead of the drive's own: KITTI, TUM, CSV or g2o, T_map_lidar. "
+                   "Where a TUM "
+                   "file has poses of some scans only, only these scans are localized")
+      ->check(command_line::existing_path());
   command
       ->add_option("--select", arguments->select, "Scans to localize, begin:end:step as in Python")
       ->capture_default_str();

@@ -324,9 +324,10 @@ void add_map(CLI::App& evaluate_command) {
       ->check(command_line::one_of({"moving", "movable"}))
       ->needs(truth);
   command
-      ->add_option("--poses", arguments->poses,
-                   "Poses that the map was built with, if not the drive's own: KITTI or TUM")
-      ->check(command_line::existing_file())
+      ->add_option(
+          "--poses", arguments->poses,
+          "Poses that the map was built with, if not the drive's own: KITTI, TUM, CSV or g2o")
+      ->check(command_line::existing_path())
       ->needs(truth);
   command
       ->add_option("--boxes", arguments->boxes,

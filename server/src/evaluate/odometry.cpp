@@ -196,11 +196,11 @@ void add_odometry(CLI::App& evaluate_command) {
       ->capture_default_str()
       ->check(command_line::one_of({"on", "off"}));
   command
-      ->add_option(
-          "--poses", arguments->poses,
-          "True poses to use instead of the drive's own: KITTI or TUM, T_map_lidar. Where a "
-          "TUM file has poses of some scans only, only these scans are judged")
-      ->check(command_line::existing_file());
+      ->add_option("--poses", arguments->poses,
+                   "True poses to use instead of the drive's own: KITTI, TUM, CSV or g2o, "
+                   "T_map_lidar. Where a "
+                   "TUM file has poses of some scans only, only these scans are judged")
+      ->check(command_line::existing_path());
   command->add_option("--select", arguments->select, "Scans to use, begin:end as in Python")
       ->capture_default_str();
   command

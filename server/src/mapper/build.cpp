@@ -423,9 +423,12 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
           "DRIVE", arguments.drives,
           "Drives: KITTI raw or odometry, MulRan, a key frame folder, a folder of .pcd, .ply or "
           ".bin "
-          "scans, an MRPT rawlog, or a bag (MCAP, rosbag2, ROS 1). A bag with several topics: "
+          "scans, a dump of hdl_graph_slam, an MRPT rawlog, or a bag (MCAP, rosbag2, ROS 1). A bag "
+          "with several topics: "
           "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME&gnss=TOPIC'. Scans without times of "
-          "points: 'DRIVE?sensor=NAME' computes them (`stillmap inspect` suggests names). Several "
+          "points: 'DRIVE?sensor=NAME' computes them (`stillmap inspect` suggests names). "
+          "Registered scans, whose points lie in the frame of the poses: 'DRIVE?points=map'. "
+          "Several "
           "drives become one map: by their poses if these share a frame, else by places that they "
           "share")
       ->required()
@@ -434,8 +437,8 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
       ->capture_default_str();
   command
       .add_option("--poses", options.poses_file,
-                  "Poses to use instead of the drive's own: KITTI or TUM, T_map_lidar")
-      ->check(command_line::existing_file());
+                  "Poses to use instead of the drive's own: KITTI, TUM, CSV or g2o, T_map_lidar")
+      ->check(command_line::existing_path());
   command.add_option("--geo-origin", arguments.geo_origin,
                      "LATITUDE,LONGITUDE,ALTITUDE [deg, deg, m above the WGS 84 ellipsoid] of the "
                      "origin of the given poses (x east, y north), if the drive does not say it");

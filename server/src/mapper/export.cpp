@@ -44,7 +44,11 @@ const std::map<std::string, PointKind> kKinds = {{"measured", PointKind::kMeasur
                                                  {"projected", PointKind::kProjected},
                                                  {"filled", PointKind::kFilled}};
 const std::map<std::string, ExportFrame> kFrames = {
-    {"map", ExportFrame::kMap}, {"local", ExportFrame::kLocal}, {"utm", ExportFrame::kUtm}};
+    {"map", ExportFrame::kMap},
+    {"local", ExportFrame::kLocal},
+    {"utm", ExportFrame::kUtm},
+    {"mgrs", ExportFrame::kMgrs},
+    {"transverse-mercator", ExportFrame::kTransverseMercator}};
 
 std::vector<maps::MapExportFormat> formats() {
   std::vector<maps::MapExportFormat> all = maps::map_export_formats();
@@ -117,9 +121,10 @@ void add_point_options(CLI::App& command, ExportArguments& arguments) {
       ->delimiter(',')
       ->check(command_line::one_of(names_of(kKinds)));
   command
-      .add_option("--coordinates", arguments.coordinates,
-                  "Frame of the coordinates: map, local (map minus its origin) or utm (default: "
-                  "depends on the format)")
+      .add_option(
+          "--coordinates", arguments.coordinates,
+          "Frame of the coordinates: map, local (map minus its origin), utm, and for autoware "
+          "also mgrs and transverse-mercator (default: depends on the format)")
       ->check(command_line::one_of(names_of(kFrames)));
   command.add_flag("--kinds", options.kinds,
                    "pcd: add a fifth field with the kind of each point (0 measured, 1 ground, 2 "

@@ -90,14 +90,15 @@ void import_cloud(const ImportArguments& arguments) {
 void add_import(CLI::App& app) {
   auto arguments = std::make_shared<ImportArguments>();
   mapping::MapImportOptions& options = arguments->options;
-  CLI::App* command =
-      app.add_subcommand("import", "Make a map package from a point cloud map (PCD, PLY, LAS)");
+  CLI::App* command = app.add_subcommand(
+      "import", "Make a map package from a point cloud map (PCD, PLY, LAS, Autoware)");
   command
       ->add_option("FILE", arguments->file,
                    "Point cloud: x y z [m] in the map frame, z up, floats or doubles, intensity if "
-                   "there is one")
+                   "there is one; or the folder of an Autoware map, with pointcloud_map.pcd and "
+                   "map_projector_info.yaml")
       ->required()
-      ->check(command_line::existing_file());
+      ->check(command_line::existing_path());
   command
       ->add_option("-o,--output", arguments->map,
                    "Folder of the map package to write; must not exist")

@@ -1,13 +1,11 @@
 #include "operation/inspection.hpp"
 
 #include <stillmap/maps/imu.hpp>
+#include <stillmap/maps/pose_file.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
-#include <sstream>
 
 namespace stillmap::server {
 namespace {
@@ -62,19 +60,6 @@ void find_faults(std::uint64_t points, CloudFileSummary& summary) {
     summary.findings.push_back({"intensity_constant",
                                 "all intensities are equal, or there are none",
                                 "map their field to `intensity`, if there is one"});
-}
-
-/// Of the first line that is no comment; 0 without one.
-std::size_t numbers_of_first_line(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  std::string line;
-  while (std::getline(stream, line)) {
-    std::istringstream words(line);
-    const auto count = static_cast<std::size_t>(std::distance(
-        std::istream_iterator<std::string>(words), std::istream_iterator<std::string>()));
-    if (count > 0 && line[line.find_first_not_of(" \t")] != '#') return count;
-  }
-  return 0;
 }
 
 }  // namespace
@@ -189,18 +174,12 @@ CloudFileSummary summarize_cloud(const std::filesystem::path& file) {
 
 TrajectorySummary summarize_trajectory(const std::filesystem::path& file) {
   TrajectorySummary summary;
-  std::vector<Eigen::Isometry3d> poses;
-  if (numbers_of_first_line(file) == 12) {
-    summary.format = "kitti";
-    poses = maps::read_kitti_poses(file);
-  } else {
-    summary.format = "tum";
-    const maps::Trajectory trajectory = maps::read_tum_trajectory(file);
-    for (const maps::StampedPose& pose : trajectory.poses()) poses.push_back(pose.T_map_lidar);
-    if (!trajectory.empty())
-      summary.duration_s = 1e-9 * static_cast<double>(trajectory.poses().back().stamp_ns -
-                                                      trajectory.poses().front().stamp_ns);
-  }
+  const maps::PoseFile read = maps::read_pose_file(file);
+  summary.format = read.format;
+  const std::vector<Eigen::Isometry3d> poses = read.all();
+  if (read.has_stamps())
+    summary.duration_s = 1e-9 * static_cast<double>(read.stamped.poses().back().stamp_ns -
+                                                    read.stamped.poses().front().stamp_ns);
   summary.poses = poses.size();
   summary.path_length_m = path_length_m(poses);
   for (const Eigen::Isometry3d& pose : poses) summary.bounds.extend(pose.translation());

@@ -222,6 +222,54 @@ TEST_F(MapImport, UsersOriginAndZoneAreTaken) {
   EXPECT_EQ(map("plain")->manifest().geodetic_origin->altitude_m, 115.0);
 }
 
+TEST_F(MapImport, OurOwnAutowareMapsComeBackInAnyProjection) {
+  const std::vector<Eigen::Vector3d> points{{12.25, -7.5, 1.25}, {61.5, 40.25, 3.25}};
+  options_.geodetic_origin = kTownHall;
+  static_cast<void>(import("plain.pcd", pcd_of<double>(points), "plain"));
+  options_ = {};
+  const std::map<std::string, maps::ExportFrame> frames{
+      {"LocalCartesian", maps::ExportFrame::kMap},
+      {"LocalCartesianUTM", maps::ExportFrame::kUtm},
+      {"MGRS", maps::ExportFrame::kMgrs},
+      {"TransverseMercator", maps::ExportFrame::kTransverseMercator}};
+  for (const auto& [projector, frame] : frames) {
+    const fs::path exported = folder_.path() / projector;
+    maps::export_map(*map("plain"), "autoware", exported, {.frame = frame});
+    const std::string name = "back_" + projector;
+    import_map(exported, folder_.path() / name, options_, {}, cancel_);
+    const auto package = map(name);
+    EXPECT_THAT(package->manifest().options.at("projector"), ::testing::StartsWith(projector));
+    EXPECT_EQ(package->manifest().options.at("import"), "autoware");
+    EXPECT_EQ(package->manifest().sources.at("cloud"), projector);
+    ASSERT_TRUE(package->manifest().geodetic_origin) << projector;
+    // The same places on the Earth.
+    const Eigen::Isometry3d T_hall_map =
+        maps::T_enu_enu(kTownHall, *package->manifest().geodetic_origin);
+    std::size_t found = 0;
+    for (const maps::TileEntry& tile : package->manifest().tiles)
+      for (const maps::MapPoint& point : package->tile(tile.id)) {
+        const Eigen::Vector3d p =
+            T_hall_map * (Eigen::Vector3d(point.x, point.y, point.z) + package->manifest().origin);
+        for (const Eigen::Vector3d& expected : points)
+          found += (p - expected).norm() < (projector == "MGRS" ? 0.01 : 0.002) ? 1U : 0U;
+      }
+    EXPECT_EQ(found, 2U) << projector;
+  }
+}
+
+TEST_F(MapImport, FoldersThatAreNoAutowareMapAreRefused) {
+  folder_.write("tiles/a.pcd", pcd_of<float>({{1, 2, 3}}));
+  EXPECT_THAT(
+      [&] { import_map(folder_.path() / "tiles", folder_.path() / "m", options_, {}, cancel_); },
+      ThrowsSaying<InputError>({"tiles", "without pointcloud_map.pcd", "Autoware"}));
+  folder_.write("aw/pointcloud_map.pcd/a.pcd", pcd_of<float>({{1, 2, 3}}));
+  folder_.write("aw/map_projector_info.yaml", "projector_type: MGRS\nmgrs_grid: 54SUE\n");
+  options_.utm = maps::UtmZone{32, true};
+  EXPECT_THAT(
+      [&] { import_map(folder_.path() / "aw", folder_.path() / "m", options_, {}, cancel_); },
+      ThrowsSaying<InputError>({"aw", "--utm", "leave --utm out"}));
+}
+
 TEST_F(MapImport, PlacesThatDoNotFitTheZoneAreRefused) {
   options_.geodetic_origin = kTownHall;
   options_.utm = maps::UtmZone{32, true};

@@ -75,8 +75,10 @@ class DriveChecks : public ::testing::Test {
   /// @param viewpoint_of  of a scan, by its right pose.
   template <typename Viewpoint>
   DriveCheck check_pcd(bool in_map_frame, const Viewpoint& viewpoint_of) {
-    Drive::Contents contents;
-    contents.root = folder_.path() / "pcd";
+    return check_drive(open_pcd(in_map_frame, viewpoint_of));
+  }
+  template <typename Viewpoint>
+  Drive open_pcd(bool in_map_frame, const Viewpoint& viewpoint_of) {
     for (std::size_t i = 0; i < kScans; ++i) {
       const Eigen::Isometry3f T_file_map =
           in_map_frame ? Eigen::Isometry3f::Identity() : path_[i].inverse().cast<float>();
@@ -88,14 +90,13 @@ class DriveChecks : public ::testing::Test {
         body.append(reinterpret_cast<const char*>(p.data()), 12);
         ++points;
       }
-      contents.scan_files.push_back(folder_.write(
+      folder_.write(
           "pcd/" + std::to_string(i) + ".pcd",
           fmt::format("VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {}\nHEIGHT 1\n"
                       "VIEWPOINT {}\nDATA binary\n{}",
-                      points, viewpoint_of(path_[i]), body)));
-      contents.stamps_ns.push_back(stamp_ns(i));
+                      points, viewpoint_of(path_[i]), body));
     }
-    return check_drive(Drive(std::move(contents)));
+    return Drive::open(folder_.path() / "pcd");
   }
   static std::string viewpoint(const Eigen::Isometry3d& T) {
     const Eigen::Quaterniond q(T.linear());
@@ -279,18 +280,34 @@ TEST_F(DriveChecks, NeitherPosesNorViewpointsIsSaid) {
               ElementsAre("no_poses"));
 }
 
-TEST_F(DriveChecks, ViewpointsThatFitAsPosesAreSaid) {
-  const DriveCheck found = check_pcd(false, viewpoint);
-  EXPECT_THAT(codes(found), ElementsAre("viewpoints_not_applied"));
-  EXPECT_THAT(what(found, "viewpoints_not_applied"), HasSubstr("look like them"));
+TEST_F(DriveChecks, ViewpointsThatFitAreThePoses) {
+  const Drive drive = open_pcd(false, viewpoint);
+  ASSERT_TRUE(drive.has_poses());
+  EXPECT_LT((drive.T_map_lidar(9).matrix() - path_[9].matrix()).norm(), 1e-5);
+  EXPECT_FALSE(drive.contents().points_from_map);
+  EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("points are in the frame of the sensor")));
+  EXPECT_THAT(codes(check_drive(drive)), IsEmpty());
 }
 
-TEST_F(DriveChecks, ScansThatLieInTheMapAlreadyAreSaid) {
+TEST_F(DriveChecks, ScansThatLieInTheFrameOfTheirViewpointsAreBroughtBack) {
+  const Drive of_sensor = open_pcd(false, viewpoint);
   for (Eigen::Isometry3d& T : path_) T.translation() += Eigen::Vector3d(900, -700, 20);
   for (Eigen::Vector3f& p : world_) p += Eigen::Vector3f(900, -700, 20);
-  const DriveCheck found = check_pcd(true, viewpoint);
-  EXPECT_THAT(codes(found), Contains("points_in_map_frame"));
-  EXPECT_THAT(what(found, "points_in_map_frame"), HasSubstr("lie in one frame already"));
+  const Drive drive = open_pcd(true, viewpoint);
+  ASSERT_TRUE(drive.has_poses());
+  EXPECT_TRUE(drive.contents().points_from_map);
+  EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("points are in the frame of the map")));
+  EXPECT_THAT(codes(check_drive(drive)), IsEmpty());
+  EXPECT_LT((drive.T_map_lidar(9).matrix() - path_[9].matrix()).norm(), 1e-4);
+  EXPECT_LT(drive.read(9).cloud.positions[5].norm(), 46.0F);
+}
+
+TEST_F(DriveChecks, ViewpointsOfOtherScansAreNoPoses) {
+  const DriveCheck found = check_pcd(false, [](const Eigen::Isometry3d& T) {
+    return viewpoint(Eigen::Isometry3d(Eigen::Translation3d(0, 0, T.translation().x() * 40.0)));
+  });
+  EXPECT_THAT(codes(found), ElementsAre("viewpoints_not_applied"));
+  EXPECT_THAT(what(found, "viewpoints_not_applied"), HasSubstr("not taken as poses"));
 }
 
 TEST_F(DriveChecks, OneViewpointForAllIsSaid) {

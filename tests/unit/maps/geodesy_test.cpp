@@ -14,6 +14,33 @@ using ::testing::SizeIs;
 
 constexpr GeodeticOrigin kKarlsruhe{49.011212804408, 8.4228850417969, 112.834923};
 
+TEST(Geodesy, MgrsSquaresHaveTheirCorners) {
+  // By the letters: zone 54 begins its columns with S (3rd: 300 km), even zones their rows with F
+  // (E is the 20th: 1,900 km, and band S lies above 2,000 km).
+  const MgrsSquare square = mgrs_square("54SUE");
+  EXPECT_EQ(square.zone, (UtmZone{54, true}));
+  EXPECT_EQ(square.corner, Eigen::Vector2d(300'000.0, 3'900'000.0));
+  EXPECT_EQ(mgrs_name({386'128.0, 3'943'002.0, 10.0}, {54, true}), "54SUE");
+  // The Sydney Opera House is in 56HLH.
+  EXPECT_EQ(mgrs_name({334'900.0, 6'252'300.0, 0.0}, {56, false}), "56HLH");
+  EXPECT_EQ(mgrs_square("56HLH").corner, Eigen::Vector2d(300'000.0, 6'200'000.0));
+  for (const char* const name : {"", "54", "54SUE1234", "61SUE", "54IUE", "ZAH", "INVALID"})
+    EXPECT_THROW((void)mgrs_square(name), std::invalid_argument) << name;
+  EXPECT_THROW((void)mgrs_name({-5e6, 0.0, 0.0}, {54, true}), std::invalid_argument);
+}
+
+TEST(Geodesy, GridsAtAPlaceHaveTheirZeroThere) {
+  // On the ellipsoid; above it lengths shrink with the height.
+  const GeodeticOrigin place{kKarlsruhe.latitude_deg, kKarlsruhe.longitude_deg, 0.0};
+  const GridProjection projection(place, grid_at(place, 0.9996));
+  EXPECT_LT(projection.to_grid(Eigen::Vector3d::Zero()).norm(), 1e-6);
+  // Along the meridian and across it lengths are those of the scale.
+  EXPECT_NEAR(projection.to_grid({0.0, 100.0, 0.0}).y(), 99.96, 1e-4);
+  EXPECT_NEAR(projection.to_grid({100.0, 0.0, 0.0}).x(), 99.96, 1e-4);
+  const Eigen::Vector3d p(812.5, -1711.0, 44.0);
+  EXPECT_LT((projection.to_map(projection.to_grid(p)) - p).norm(), 1e-6);
+}
+
 TEST(Geodesy, UtmOfKnownPlaces) {
   // The equator on a central meridian has the false origin by definition.
   const GeodeticOrigin equator{0.0, 9.0, 0.0};

@@ -239,6 +239,47 @@ TEST_F(MapExport, AutowareInUtmIsRelativeToTheOriginAndAbsoluteInHeight) {
   EXPECT_EQ(text_of(out("b") / "map_projector_info.yaml"), "projector_type: Local\n");
 }
 
+TEST_F(MapExport, AutowareInMgrsCountsFromTheCornerOfTheSquare) {
+  SmallMap town = sample();
+  town.place = kPlace;
+  const MapExportResult report =
+      export_map(*map(town), "autoware", out("a"), {.frame = ExportFrame::kMgrs});
+  EXPECT_THAT(report.notes, ElementsAre(HasSubstr("8 mm coarse")));
+  // 456 km east and 5,428 km north. By the letters: zone 32 begins its columns with J (M is the
+  // 4th: 400 km), even zones their rows with F (V is the 15th: 1,400 km, and band U above 4,000).
+  EXPECT_EQ(text_of(out("a") / "map_projector_info.yaml"),
+            "projector_type: MGRS\nvertical_datum: WGS84\nmgrs_grid: 32UMV\n");
+  Eigen::Vector3d expected =
+      UtmProjection(kPlace, {32, true}).to_utm(town.origin + Eigen::Vector3d(0.1, 0.2, 0.3)) -
+      Eigen::Vector3d(400'000.0, 5'400'000.0, 0.0);
+  bool found = false;
+  for (const fs::directory_entry& tile : fs::directory_iterator(out("a") / "pointcloud_map.pcd"))
+    for (const CloudPoint& point : read(tile.path()))
+      found = found || (point.position - expected).norm() < 0.01;
+  EXPECT_TRUE(found);
+  EXPECT_THAT([&] { export_map(*map(town), "ply", out("b"), {.frame = ExportFrame::kMgrs}); },
+              ThrowsSaying<std::invalid_argument>({"frame"}));
+  // The border of zones 31 and 32, and of two squares.
+  town.place = GeodeticOrigin{49.0, 6.3699, 0.0};
+  town.points = {{{-9000.0F, 0.0F, 0.0F}}, {{9000.0F, 0.0F, 0.0F}}};
+  EXPECT_THAT([&] { export_map(*map(town), "autoware", out("c"), {.frame = ExportFrame::kMgrs}); },
+              ThrowsSaying<InputError>({"2 squares of MGRS", "--coordinates utm"}));
+}
+
+TEST_F(MapExport, AutowareInTransverseMercatorHasItsZeroAtTheOrigin) {
+  SmallMap town = sample();
+  town.place = kPlace;
+  export_map(*map(town), "autoware", out("a"), {.frame = ExportFrame::kTransverseMercator});
+  EXPECT_EQ(text_of(out("a") / "map_projector_info.yaml"),
+            "projector_type: TransverseMercator\nvertical_datum: WGS84\nmap_origin:\n"
+            "  latitude: 49\n  longitude: 8.4\n  altitude: 0\nscale_factor: 0.9996\n");
+  const CloudPoint point = read(out("a") / "pointcloud_map.pcd" / "0_-1.pcd").at(0);
+  // Its axes are those of the map, but for the scale; heights are above the ellipsoid.
+  EXPECT_NEAR(point.position.x(), 0.9996 * 7.6, 1e-3);
+  EXPECT_NEAR(point.position.y(), 0.9996 * -3.05, 1e-3);
+  EXPECT_NEAR(point.position.z(), 116.5 + 110.3, 1e-3);
+}
+
 /// A street of 12 m with ground up to x = 7, a wall at x = 8 seen from 0.5 m before y = 0.
 SmallMap street() {
   SmallMap map;

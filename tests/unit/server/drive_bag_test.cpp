@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stillmap/maps/drive.hpp>
@@ -426,6 +427,40 @@ TEST_F(BagDriveWithGnss, TurnsTheMapToEastAndNorthWhereFixesAreChosen) {
   }
 }
 
+TEST_F(BagDriveWithGnss, ReadsALogOfNmeaBesideTheBag) {
+  antenna_ = {0.0, 0.0, 2.0};  // at the lidar
+  add_fixes();
+  const maps::Drive by_topic = open("?gnss=/fix");
+  std::string nmea;
+  for (int i = 0; i < 2 * kScans; ++i) {
+    const double at = 0.5 * i + 0.2;
+    const Eigen::Vector3d p_odom_antenna =
+        position(at) + Eigen::AngleAxisd(heading(at), Eigen::Vector3d::UnitZ()) * antenna_;
+    const maps::GeodeticOrigin place =
+        geodetic_of(utm_.to_utm(T_enu_odom() * p_odom_antenna), utm_.zone());
+    // 1,700,000,000 s after 1970 it was 22:13:20.
+    const double seconds = 20.0 + 0.05 * i + 0.02;
+    const auto angle = [](double degrees) {
+      const double whole = std::floor(std::abs(degrees));
+      return fmt::format("{:.9f}", 100.0 * whole + 60.0 * (std::abs(degrees) - whole));
+    };
+    nmea +=
+        fmt::format("$GNGGA,2213{:06.3f},{},S,{},E,4,12,0.8,{:.4f},M,30.0,M,,\n", seconds,
+                    angle(place.latitude_deg), angle(place.longitude_deg), place.altitude_m - 30.0);
+  }
+  folder_.write("track.nmea", nmea);
+  const maps::Drive by_log = open("?gnss=track.nmea");
+  ASSERT_TRUE(by_log.contents().origin);
+  EXPECT_LT(T_enu_enu(*by_topic.contents().origin, *by_log.contents().origin).translation().norm(),
+            0.01);
+  EXPECT_LT((by_log.T_map_lidar(30).translation() - by_topic.T_map_lidar(30).translation()).norm(),
+            0.01);
+  EXPECT_THAT(by_log.contents().notes, Contains(HasSubstr("track.nmea tells no date")));
+  // Nothing but what lies beside it.
+  expect_error({"no GNSS on ../track.nmea"}, "?gnss=../track.nmea");
+  expect_error({"no GNSS on none.nmea", "NMEA log beside the bag"}, "?gnss=none.nmea");
+}
+
 TEST_F(BagDriveWithGnss, LeavesTheMapWhereItIsWithoutAChoice) {
   add_fixes();
   const maps::Drive drive = open();
@@ -788,6 +823,119 @@ TEST_F(BagDrive, IsToldFromScansByItsFirstBytes) {
   folder_.write("plain/a.bin", "");
   EXPECT_THAT([&] { (void)maps::Drive::open(folder_.path() / "plain?cloud=/a"); },
               ThrowsSaying<maps::InputError>({"'?cloud=/a'", "no bag"}));
+}
+
+/// A landmark 8 m ahead of the first scan, seen while the sensor moves towards it by 1 m a scan.
+class RegisteredClouds : public BagDrive {
+ protected:
+  RegisteredClouds() { messages_.clear(); }
+  /// @param is_registered  whether the points lie in the frame of the map.
+  void add_clouds(const std::string& frame, bool is_registered = true) {
+    for (int i = 0; i < 5; ++i)
+      add("/points", kCloudType,
+          one_point(kStart + i * kStep, static_cast<float>(is_registered ? 8 : 8 - i), frame));
+  }
+  void add_path(const std::string& topic, const std::string& parent, const std::string& child) {
+    for (int i = 0; i < 5; ++i)
+      add(topic, kOdometryType, odometry(kStart + i * kStep, {1.0 * i, 0, 0}, child, parent));
+  }
+  void add_tf(const std::string& parent, const std::string& child, double step_m = 1.0) {
+    for (int i = 0; i < 5; ++i)
+      add("/tf", kTfType, test::transform(kStart + i * kStep, parent, child, {step_m * i, 0, 0}));
+  }
+  void expect_points_of_the_sensor(const maps::Drive& drive, double path_m = 4.0) const {
+    ASSERT_EQ(drive.size(), 5U);
+    EXPECT_NEAR(drive.T_map_lidar(4).translation().x() - drive.T_map_lidar(0).translation().x(),
+                path_m, 1e-9);
+    for (std::size_t i = 0; i < 5; ++i)
+      EXPECT_NEAR((drive.T_map_lidar(i) * drive.read(i).cloud.positions[0].cast<double>()).x(), 8.0,
+                  1e-6);
+    EXPECT_NEAR(drive.read(4).cloud.positions[0].x(), 8.0 - path_m, 1e-6);
+  }
+};
+
+TEST_F(RegisteredClouds, InTheFrameOfThePosesAreBroughtBackToTheSensor) {
+  add_clouds("camera_init");
+  add_path("/Odometry", "camera_init", "body");
+  add_tf("camera_init", "body");
+  const maps::Drive drive = open();
+  expect_points_of_the_sensor(drive);
+  EXPECT_EQ(drive.contents().entries.frame_id, "body");
+  EXPECT_TRUE(drive.contents().points_from_map);
+  EXPECT_THAT(drive.contents().notes,
+              Contains(::testing::AllOf(HasSubstr("clouds of /points name 'camera_init'"),
+                                        HasSubstr("overlap by 100 % so, and by 0 %"))));
+  // What was offered before does no harm.
+  expect_points_of_the_sensor(open("?pose_frame=camera_init"));
+  expect_points_of_the_sensor(open("?poses=/tf"));
+  expect_error({"poses=none", "registered already", "/Odometry", "points=sensor"}, "?poses=none");
+  EXPECT_FALSE(open("?poses=none&points=sensor").has_poses());
+  EXPECT_EQ(open("?points=sensor").read(4).cloud.positions[0].x(), 8.0F);
+}
+
+TEST_F(RegisteredClouds, AreKnownByPosesThatNameNoFrameAndByTfAlone) {
+  add_clouds("map");
+  for (int i = 0; i < 5; ++i)
+    add("/pose", kPoseType, test::pose_stamped(kStart + i * kStep, {1.0 * i, 0, 0}, "map"));
+  expect_points_of_the_sensor(open());
+  messages_.clear();
+  add_clouds("world");
+  add_tf("world", "velodyne");
+  expect_points_of_the_sensor(open());
+  // Any name of a frame, where the scans say so.
+  messages_.clear();
+  add_clouds("start");
+  add_tf("start", "velodyne");
+  expect_points_of_the_sensor(open());
+}
+
+TEST_F(RegisteredClouds, ThatAreJoinedToThePosesByTfAreBroughtBackByIt) {
+  add_clouds("map");
+  add_path("/odom", "odom", "base_link");
+  add_tf("map", "odom", 0.5);
+  add_tf("odom", "base_link");
+  // 0.5 m and 1 m a scan.
+  expect_points_of_the_sensor(open(), 6.0);
+  messages_.clear();
+  add_clouds("map");
+  add_path("/odom", "odom", "base_link");
+  add_static("map", "odom", {0, 0, 0});
+  expect_points_of_the_sensor(open());
+}
+
+TEST_F(RegisteredClouds, AreToldFromCloudsThatOnlyNameAFixedFrame) {
+  add_clouds("map", false);
+  add_path("/odom", "map", "base_link");
+  const maps::Drive drive = open();
+  EXPECT_FALSE(drive.contents().points_from_map);
+  EXPECT_EQ(drive.read(4).cloud.positions[0].x(), 4.0F);
+  EXPECT_THAT(drive.contents().notes,
+              Contains(HasSubstr("taken as points of the sensor (scans overlap by 0 % so, and by "
+                                 "100 %")));
+  EXPECT_EQ(open("?points=map").read(4).cloud.positions[0].x(), 0.0F);
+}
+
+TEST_F(RegisteredClouds, AreNotSeenInWhatMovesOnTheSensorItself) {
+  add_clouds("base_link", false);
+  add_tf("base_link", "wheel");
+  const maps::Drive drive = open();
+  EXPECT_FALSE(drive.has_poses());
+  EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("not registered by it")));
+}
+
+TEST_F(RegisteredClouds, MayBeChosenWithAFileOfPoses) {
+  add_clouds("lidar");
+  std::string tum;
+  for (int i = 0; i < 5; ++i)
+    tum += std::to_string(1'700'000'000 + i / 10) + "." + std::to_string(i) + " " +
+           std::to_string(i) + " 0 0 0 0 0 1\n";
+  const auto poses = folder_.write("poses.tum", tum);
+  const auto file = folder_.write("run.mcap", mcap_of(messages_));
+  expect_points_of_the_sensor(maps::Drive::open(file.string() + "?points=map", poses));
+  EXPECT_THAT([&] { (void)maps::Drive::open(file.string() + "?points=map"); },
+              ThrowsSaying<maps::InputError>({"no poses for points in the frame of a map"}));
+  EXPECT_THAT([&] { (void)maps::Drive::open(file.string() + "?points=world", poses); },
+              ThrowsSaying<maps::InputError>({"points=world", "points=map or points=sensor"}));
 }
 
 }  // namespace drive_bag_test

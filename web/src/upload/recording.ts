@@ -13,6 +13,7 @@ const kWords: Record<string, Word> = {
   'geometry_msgs/msg/PoseStamped': 'poses',
   'tf2_msgs/msg/TFMessage': 'poses',
   'sensor_msgs/msg/NavSatFix': 'gnss',
+  'sensor_msgs/msg/Imu': 'imu',
 };
 /** Larger indexes are of files with millions of chunks; the server reads them. */
 const kMostIndexBytes = 64 << 20;

@@ -9,7 +9,7 @@ export type Word = Topic['word'];
 /** What is chosen, by word: names of topics, `none`, or the frame of the poses. */
 export type Selected = Partial<Record<Word | 'pose_frame', string>>;
 
-const kOrder: readonly (keyof Selected)[] = ['cloud', 'poses', 'pose_frame', 'gnss'];
+const kOrder: readonly (keyof Selected)[] = ['cloud', 'poses', 'pose_frame', 'gnss', 'imu'];
 /** PoseStamped with fewer poses than one for so many scans holds goals. */
 const kMostScansAPose = 40;
 

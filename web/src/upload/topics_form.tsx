@@ -14,6 +14,7 @@ const kLabels: Record<Word, { label: string; hint: string; unset: string; none?:
   cloud: { label: 'Scans', hint: 'The map is made of one lidar’s scans.', unset: 'Choose a topic' },
   poses: { label: 'Poses', hint: 'Without poses, odometry finds how the lidar moved.', unset: 'Automatic', none: 'None: use odometry' },
   gnss: { label: 'GNSS', hint: 'Places the map on the Earth, and turns it to east and north.', unset: 'Not used' },
+  imu: { label: 'IMU', hint: 'Odometry turns with it. If there is only one, it is used.', unset: 'Automatic', none: 'None' },
 };
 
 /** Asks which topics of a recording are used. */

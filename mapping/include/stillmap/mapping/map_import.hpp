@@ -45,9 +45,14 @@ struct MapImportResult {
   std::string digest;
 };
 
-/// A point cloud map from elsewhere (PCD, PLY or LAS, [m]) -> a package, in the coordinates of the
-/// file, turned where its z is not up. Where these are UTM, by the file's word or the options',
-/// they are taken to a local frame (east-north-up), since a map in UTM is bent and scaled.
+/// A point cloud map from elsewhere (PCD, PLY or LAS, [m], or the folder of an Autoware map) -> a
+/// package, in the coordinates of the file, turned where its z is not up. Where these are UTM, by
+/// the file's word or the options', they are taken to a local frame (east-north-up), since a map in
+/// UTM is bent and scaled.
+///
+/// Of an Autoware map all tiles are read. Its projector says where it lies (`read_autoware_map`):
+/// in LocalCartesian coordinates stay; those of LocalCartesianUTM and TransverseMercator are taken
+/// to the east-north-up frame at `map_origin`, those of MGRS to one in the middle of the points.
 ///
 /// All points count as measured; those on the ground, where that is found, are marked so. The
 /// package has no trajectory: a scan without a prior is looked for at `places`, on a 4 m grid of

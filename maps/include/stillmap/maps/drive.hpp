@@ -29,6 +29,7 @@ enum class DriveLayout {
   kRosbag2,
   kRosbag1,
   kMulran,
+  kHdlGraphSlam,
   kRawlog
 };
 [[nodiscard]] std::string_view name_of(DriveLayout layout);
@@ -96,6 +97,9 @@ class Drive {
     /// at -end_s * a / pi for a <= 0: 0 straight ahead, at the stamp. Empty when the points are
     /// already at one instant or the layout does not tell.
     std::vector<std::array<double, 2>> spin_start_end_s;
+    /// The files hold registered scans: points in the frame of the poses. `read` brings each scan
+    /// back to the lidar frame by the pose that it was opened with. Its points have no times.
+    bool points_from_map = false;
     /// SemanticKITTI label file of each scan, or empty.
     std::vector<std::filesystem::path> label_files;
     /// Of several lidars as one: their names, the reference first. Empty for one lidar.
@@ -103,7 +107,8 @@ class Drive {
     /// What the reader did, for people: scans that it left out and why, what it assumed.
     std::vector<std::string> notes;
 
-    /// "000012.bin", or "drive.mcap /points 12". Unique within the drive.
+    /// "000012.bin", or "drive.mcap /points 12"; with "from map" behind it if `points_from_map`.
+    /// Unique within the drive.
     [[nodiscard]] std::string scan_name(std::size_t index) const;
   };
 
@@ -113,9 +118,9 @@ class Drive {
   /// Livox' CustomMsg or of VelodyneScan, with the stamps of their headers. Poses come from the one
   /// topic of Odometry, or of PoseStamped with at least one pose for 40 scans; tf_static moves them
   /// to the frame of the clouds. Without such a topic they come from tf: from the highest frame
-  /// called map, odom or world, else from one called earth. If tf only repeats the topic, the topic
-  /// is used. Poses are interpolated to the scans. Scans at the ends without a pose are left out
-  /// and noted.
+  /// called map, odom, world or camera_init, else from earth. If tf only repeats the topic, the
+  /// topic is used. Poses are interpolated to the scans. Scans at the ends without a pose are left
+  /// out and noted.
   ///
   /// If a bag leaves more than one choice, it is made in `topics.txt` of the bag's folder, or
   /// behind the path: `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix&imu=/imu`,
@@ -131,6 +136,10 @@ class Drive {
   /// `lidars.json` (`lidar_set.hpp`). The first lidar is the reference: its stamps, poses and frame
   /// are the drive's. Each sweep of another lidar joins the reference's scan that is nearest in
   /// time.
+  ///
+  /// Points in the frame of the poses (registered scans) are recognised if a bag's frames or a
+  /// folder's VIEWPOINTs say so, and told from points of the sensor by how well scans overlap.
+  /// `?points=map` or `?points=sensor` behind any drive's path decides instead.
   /// @param poses_file  poses `T_map_lidar` instead of the layout's own. KITTI: 12 numbers, one
   /// line
   ///                    for each scan. TUM: 8 numbers, interpolated to the scans' stamps; scans

@@ -15,7 +15,7 @@ namespace stillmap::maps {
 struct DriveFinding {
   /// Stable: frame_of_poses, map_not_level, poses_stand_still, poses_jump, coarse_positions, gaps,
   /// duplicates, sensor_upside_down, sensor_tilted, intensity_constant, millimetres, few_returns,
-  /// no_poses, viewpoints_not_applied, points_in_map_frame, times_not_taken, times_doubted.
+  /// no_poses, viewpoints_not_applied, times_not_taken, times_doubted.
   std::string code;
   std::string what;
   std::string remedy;

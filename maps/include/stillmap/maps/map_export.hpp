@@ -21,6 +21,10 @@ enum class ExportFrame {
   kMap,    ///< the map's own
   kLocal,  ///< the map's own, less the `origin` of its manifest
   kUtm,    ///< easting, northing [m] in the zone of the geodetic origin, height above the ellipsoid
+  kMgrs,   ///< the same, less the corner of the MGRS square of 100 km that the map lies in
+  /// Transverse Mercator of scale 0.9996 through the geodetic origin, its zero; height above the
+  /// ellipsoid.
+  kTransverseMercator,
 };
 [[nodiscard]] std::string_view name_of(ExportFrame frame);
 

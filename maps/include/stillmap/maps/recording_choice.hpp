@@ -12,7 +12,7 @@ namespace stillmap::maps {
 
 /// A topic of a recording (a label of a rawlog) that a drive can be made of.
 struct RecordingTopic {
-  /// The word that chooses it: cloud, poses or gnss (`Drive::open`).
+  /// The word that chooses it: cloud, poses, gnss or imu (`Drive::open`).
   std::string word;
   std::string name;
   /// Type of its messages; empty for a rawlog.

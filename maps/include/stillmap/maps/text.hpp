@@ -10,7 +10,8 @@
 
 namespace stillmap::maps {
 
-/// A whole regular file as text. @throws StorageError; InputError when it is longer than
+/// A whole regular file as text, without the byte order mark that some editors put before it.
+/// @throws StorageError; InputError when it is longer than
 /// `most_bytes`.
 [[nodiscard]] std::string read_text(const std::filesystem::path& file,
                                     std::uintmax_t most_bytes = UINTMAX_MAX);

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "checks/pose_readings.hpp"
+#include "drives/pose_readings.hpp"
 
 namespace stillmap::maps {
 

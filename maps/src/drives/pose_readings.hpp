@@ -20,9 +20,9 @@ struct PosedScan {
 /// Compares the poses as they are with what they might be instead: no motion at all, their
 /// inverses, poses of a frame whose axes point elsewhere (a camera's, a vehicle's), and the
 /// inverses of these. In pairs that lie apart by their poses; equal ones say nothing.
-/// @return nothing with fewer than 4 pairs.
+/// @return nothing with fewer than `least_pairs`.
 [[nodiscard]] std::optional<PoseOverlap> compare_readings(
-    const std::vector<std::array<PosedScan, 2>>& pairs);
+    const std::vector<std::array<PosedScan, 2>>& pairs, std::size_t least_pairs = 4);
 
 /// Whether a reading is better than the given one beyond doubt.
 [[nodiscard]] bool is_better(double overlap, const PoseOverlap& given);

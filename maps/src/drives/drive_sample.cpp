@@ -1,4 +1,4 @@
-#include "checks/drive_sample.hpp"
+#include "drives/drive_sample.hpp"
 
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/median.hpp>

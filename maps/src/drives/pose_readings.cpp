@@ -1,4 +1,4 @@
-#include "checks/pose_readings.hpp"
+#include "drives/pose_readings.hpp"
 
 #include <stillmap/maps/cell_table.hpp>
 #include <stillmap/maps/median.hpp>
@@ -15,7 +15,6 @@ constexpr float kCellM = 0.4F;
 /// 20 bits of cells.
 constexpr float kFarthestM = 400'000.0F;
 constexpr std::size_t kMostPoints = 2000;
-constexpr std::size_t kLeastPairs = 4;
 /// Readings differ by 0.3 and more where scans lie a metre apart; noise by 0.02.
 constexpr double kClearlyBetter = 0.1;
 /// Than one that is met more.
@@ -105,8 +104,9 @@ Eigen::Isometry3d motion(const std::array<PosedScan, 2>& pair, const Reading& re
 
 }  // namespace
 
-std::optional<PoseOverlap> compare_readings(const std::vector<std::array<PosedScan, 2>>& pairs) {
-  if (pairs.size() < kLeastPairs) return std::nullopt;
+std::optional<PoseOverlap> compare_readings(const std::vector<std::array<PosedScan, 2>>& pairs,
+                                            std::size_t least_pairs) {
+  if (pairs.size() < least_pairs) return std::nullopt;
   std::vector<Cells> cells;
   for (const std::array<PosedScan, 2>& pair : pairs) {
     Cells& of_pair = cells.emplace_back();
