@@ -15,6 +15,7 @@
 #include <set>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include "geometry/random.hpp"
 #include "output/drive_writer.hpp"
@@ -63,6 +64,26 @@ struct Joined {
     }
   }
 };
+
+/// Traffic makes way for a vehicle that drives as it does, and nobody parks where one drives. Other
+/// carriers would pass through others: who comes near is not there.
+void make_room(World& world, const EgoMotion& ego, double duration_s) {
+  if (ego.carrier() == Carrier::kVehicle) return;
+  constexpr double kStepS = 0.1;
+  constexpr double kRoomM = 5.0;
+  std::vector<Eigen::Vector2d> way;
+  for (double time_s = 0.0; time_s <= duration_s; time_s += kStepS)
+    way.emplace_back(ego.T_world_lidar(time_s).translation().head<2>());
+  std::erase_if(world.actors, [&](const Actor& actor) {
+    for (std::size_t i = 0; i < way.size(); ++i) {
+      const double time_s = kStepS * static_cast<double>(i);
+      if (!actor.present(time_s)) continue;
+      const Eigen::Vector2d at = T_world_actor(world, actor, time_s).translation().head<2>();
+      if ((at - way[i]).norm() < kRoomM) return true;
+    }
+    return false;
+  });
+}
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -171,17 +192,18 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
   const Carrier carrier = *carrier_named(options.carrier);
   // At least as much of the world as is driven through.
   const double world_s = std::max(1.0, pace_of(carrier)) * duration_s;
-  const World world = make_world({.scenario = options.scenario,
-                                  .seed = options.seed,
-                                  .day = options.day,
-                                  .change = options.change,
-                                  .parked_share = options.parked_share,
-                                  .duration_s = world_s,
-                                  .standing = options.standing,
-                                  .reach_m = properties.max_range_m,
-                                  .cancel = &cancel});
+  World world = make_world({.scenario = options.scenario,
+                            .seed = options.seed,
+                            .day = options.day,
+                            .change = options.change,
+                            .parked_share = options.parked_share,
+                            .duration_s = world_s,
+                            .standing = options.standing,
+                            .reach_m = properties.max_range_m,
+                            .cancel = &cancel});
   T_world_start = world.T_world_start;
   ego.emplace(world, properties.height_m, carrier, T_usual_lidar_of(options.mount));
+  make_room(world, *ego, duration_s);
   const std::uint64_t unit = unit_of(options.mount);
   Scanner scanner(world, *ego, *sensor,
                   {.key = key_of_unit(key_for(options, Stream::kRays), unit),

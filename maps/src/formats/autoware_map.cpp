@@ -22,7 +22,7 @@ constexpr const char* kMetadata = "pointcloud_map_metadata.yaml";
 constexpr const char* kProjector = "map_projector_info.yaml";
 constexpr std::uintmax_t kMostYamlBytes = std::uintmax_t{64} << 20U;
 
-std::string_view trimmed(std::string_view text) {
+std::string_view unquoted(std::string_view text) {
   constexpr std::string_view kCut = " \t\r\"'{}";
   const std::size_t begin = text.find_first_not_of(kCut);
   if (begin == std::string_view::npos) return {};
@@ -44,7 +44,7 @@ std::vector<YamlLine> yaml_lines(std::string_view text) {
     const std::string_view part = line->substr(0, end);
     const std::size_t sign = part.find(':');
     if (sign == std::string_view::npos) continue;
-    lines.push_back({trimmed(part.substr(0, sign)), part.substr(sign + 1),
+    lines.push_back({unquoted(part.substr(0, sign)), part.substr(sign + 1),
                      part.starts_with(' ') || part.starts_with('\t')});
   }
   return lines;
@@ -145,7 +145,7 @@ class Projector {
 
  private:
   void add(const YamlLine& line) {
-    if (trimmed(line.value).empty()) {
+    if (unquoted(line.value).empty()) {
       parent_ = line.key;
       return;
     }
@@ -156,7 +156,7 @@ class Projector {
         const std::string_view pair = rest.substr(0, rest.find(','));
         rest.remove_prefix(std::min(pair.size() + 1, rest.size()));
         if (const std::size_t sign = pair.find(':'); sign != std::string_view::npos)
-          set(std::string(line.key) + '.' + std::string(trimmed(pair.substr(0, sign))),
+          set(std::string(line.key) + '.' + std::string(unquoted(pair.substr(0, sign))),
               pair.substr(sign + 1));
       }
       return;
@@ -164,7 +164,7 @@ class Projector {
     set(line.is_inner ? parent_ + '.' + std::string(line.key) : std::string(line.key), line.value);
   }
   void set(const std::string& key, std::string_view value) {
-    values_[key] = std::string(trimmed(value));
+    values_[key] = std::string(unquoted(value));
   }
 
   [[nodiscard]] const std::string& value(const std::string& key) const {

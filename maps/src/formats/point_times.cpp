@@ -11,7 +11,7 @@
 namespace stillmap::maps {
 namespace {
 
-constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr std::int64_t kNsOfSecond = 1'000'000'000;
 /// A shorter sweep than sensors make, if times are not of one instant.
 constexpr double kLeastSpanS = 0.002;
 /// Turns and frames take 50 to 200 ms.
@@ -34,8 +34,8 @@ double from_stamp_s(double value, double unit_s, std::int64_t stamp_ns) {
   // A double of today's nanoseconds has the same steps as the stamp has then.
   if (unit_s == 1e-9) return (value - static_cast<double>(stamp_ns)) * unit_s;
   const double units_per_s = 1.0 / unit_s;
-  const double whole = static_cast<double>(stamp_ns / kSecondNs) * units_per_s;
-  return (value - whole) * unit_s - 1e-9 * static_cast<double>(stamp_ns % kSecondNs);
+  const double whole = static_cast<double>(stamp_ns / kNsOfSecond) * units_per_s;
+  return (value - whole) * unit_s - 1e-9 * static_cast<double>(stamp_ns % kNsOfSecond);
 }
 
 class Column {
