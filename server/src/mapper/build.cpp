@@ -425,10 +425,11 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
           ".bin "
           "scans, a dump of hdl_graph_slam, an MRPT rawlog, or a bag (MCAP, rosbag2, ROS 1). A bag "
           "with several topics: "
-          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME&gnss=TOPIC'. Scans without times of "
-          "points: 'DRIVE?sensor=NAME' computes them (`stillmap inspect` suggests names). "
-          "Registered scans, whose points lie in the frame of the poses: 'DRIVE?points=map'. "
-          "Several "
+          "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME&gnss=TOPIC'. Several lidars as one: "
+          "cloud=TOPIC,TOPIC, or a folder with lidars.json. Scans without times of points: "
+          "'DRIVE?sensor=NAME' computes them (`stillmap inspect` suggests names). Registered "
+          "scans, "
+          "whose points lie in the frame of the poses: 'DRIVE?points=map'. Several "
           "drives become one map: by their poses if these share a frame, else by places that they "
           "share")
       ->required()
