@@ -36,7 +36,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const bool mirrored : {false, true}) {
     for (std::size_t i = 0; mirrored && i < 36; ++i) values[i] = values[(i % 6) * 6 + i / 6];
     const auto covariance = fuzz::taken<server::ApiError>(
-        [&] { return server::checked_covariance(std::span<const double, 36>(values), "c"); });
+        [&] { return server::checked_prior_covariance(std::span<const double, 36>(values), "c"); });
     if (covariance && parameters.prior) {
       parameters.prior->covariance = *covariance;
       localization::AlignmentResult result;
