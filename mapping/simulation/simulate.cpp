@@ -114,6 +114,21 @@ std::uint64_t key_of_unit(std::uint64_t key, std::uint64_t unit) {
   return unit == 0 ? key : key_of({key, unit});
 }
 
+/// At least as much of the world as is driven through.
+World world_of(const SimulationOptions& options, double reach_m, double duration_s,
+               const mapping::CancelFlag& cancel) {
+  return make_world(
+      {.scenario = options.scenario,
+       .seed = options.seed,
+       .day = options.day,
+       .change = options.change,
+       .parked_share = options.parked_share,
+       .duration_s = std::max(1.0, pace_of(*carrier_named(options.carrier))) * duration_s,
+       .standing = options.standing,
+       .reach_m = reach_m,
+       .cancel = &cancel});
+}
+
 }  // namespace
 
 std::vector<std::string> SimulationOptions::violations() const {
@@ -190,17 +205,7 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
   if (progress) progress("world", 0, 1);
   const double duration_s = properties.period_s * static_cast<double>(options.scans);
   const Carrier carrier = *carrier_named(options.carrier);
-  // At least as much of the world as is driven through.
-  const double world_s = std::max(1.0, pace_of(carrier)) * duration_s;
-  World world = make_world({.scenario = options.scenario,
-                            .seed = options.seed,
-                            .day = options.day,
-                            .change = options.change,
-                            .parked_share = options.parked_share,
-                            .duration_s = world_s,
-                            .standing = options.standing,
-                            .reach_m = properties.max_range_m,
-                            .cancel = &cancel});
+  World world = world_of(options, properties.max_range_m, duration_s, cancel);
   T_world_start = world.T_world_start;
   ego.emplace(world, properties.height_m, carrier, T_usual_lidar_of(options.mount));
   make_room(world, *ego, duration_s);

@@ -121,6 +121,8 @@ void add_drive_byte_routes(std::vector<Route>& routes, const Context& context) {
                  Access::kWrite,
                  BodyKind::kWhole,
                  kMostDriveJson};
+  // A recording may need a choice; other drives are completed without a word.
+  complete.body_is_optional = true;
   for (Route* each : {&part, &complete}) {
     each->reserve = reserve;
     routes.push_back(std::move(*each));

@@ -60,6 +60,8 @@ std::size_t most_whole_bytes(const RequestHead& head, const Route& route,
 void check_body(const RequestHead& head, std::optional<std::uint64_t> length, const Route& route,
                 const WholeBodyLimits& limits) {
   if (route.body == BodyKind::kNone) return;
+  const bool is_announced = length || head.count("transfer-encoding") > 0;
+  if (!is_announced && route.body_is_optional) return;
   // A body whose length is not known could not be refused before it is there.
   if (!length) {
     throw ApiError(ErrorCode::kLengthRequired, "send Content-Length; chunks are not taken");

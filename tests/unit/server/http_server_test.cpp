@@ -1,4 +1,6 @@
 #include "http/http_server.hpp"
+#include "errors/api_error.hpp"
+#include "http/http_body.hpp"
 
 #include <gmock/gmock.h>
 
@@ -126,6 +128,22 @@ TEST_F(HttpServerTest, UnpackedBytesCountAsWell) {
   auto response = sender.Post(kLocalize, std::string(1 << 20, '\0'), "application/octet-stream");
   ASSERT_TRUE(response);
   EXPECT_EQ(response->status, 413) << response->body;
+}
+
+TEST(HttpBody, MayBeLeftOutWhereItIsOptional) {
+  Route route;
+  route.body = BodyKind::kWhole;
+  const auto check = [&](const std::string& fields) {
+    const RequestHead head =
+        parse_head("POST /x HTTP/1.1\r\nHost: localhost\r\n" + fields + "\r\n");
+    check_body(head, announced_length(head), route, {1000, 1000});
+  };
+  EXPECT_THROW(check(""), ApiError);
+  route.body_is_optional = true;
+  EXPECT_NO_THROW(check(""));
+  EXPECT_NO_THROW(check("Content-Length: 7\r\n"));
+  EXPECT_THROW(check("Content-Length: 1001\r\n"), ApiError);
+  EXPECT_THROW(check("Transfer-Encoding: chunked\r\n"), ApiError);
 }
 
 TEST_F(HttpServerTest, BodyWithoutAKnownLengthIsRefused) {
