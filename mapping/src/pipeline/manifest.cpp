@@ -120,7 +120,9 @@ std::map<std::string, std::string> sources_of(const std::vector<maps::Drive>& dr
     sources["voxelnext_weights_sha256"] = maps::sha256_of_file(*weights);
   else if (options.detector == kVoxelNextDetector)
     sources["voxelnext_weights_sha256"] = embedded_weights_sha256();
-  if (options.poses_file) sources["poses_sha256"] = maps::sha256_of_file(*options.poses_file);
+  // A dump of another program is a folder, whose clouds are no poses.
+  if (options.poses_file && std::filesystem::is_regular_file(*options.poses_file))
+    sources["poses_sha256"] = maps::sha256_of_file(*options.poses_file);
   if (options.edits_file) sources["edits_sha256"] = maps::sha256_of_file(*options.edits_file);
   return sources;
 }

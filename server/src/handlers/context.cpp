@@ -24,7 +24,9 @@ void require_json(const HttpRequest& request) {
 }
 
 void require_json_if_any(const HttpRequest& request) {
-  if (!request.body.empty()) require_json(request);
+  // Before the body is read, its length tells whether there is one.
+  const std::string length = request.header("content-length");
+  if (!request.body.empty() || (!length.empty() && length != "0")) require_json(request);
 }
 
 bool is_known_to_client(const std::string& if_none_match, const std::string& etag) {

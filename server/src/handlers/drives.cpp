@@ -123,10 +123,13 @@ void add_drive_byte_routes(std::vector<Route>& routes, const Context& context) {
                  kMostDriveJson};
   // A recording may need a choice; other drives are completed without a word.
   complete.body_is_optional = true;
-  for (Route* each : {&part, &complete}) {
-    each->reserve = reserve;
-    routes.push_back(std::move(*each));
-  }
+  part.reserve = reserve;
+  // A form of another site's page learns nothing of what is there.
+  complete.reserve = [reserve](const HttpRequest& request, const PathParameters& path) {
+    require_json_if_any(request);
+    return reserve(request, path);
+  };
+  for (Route* each : {&part, &complete}) routes.push_back(std::move(*each));
 }
 
 }  // namespace

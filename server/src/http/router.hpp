@@ -52,13 +52,12 @@ struct Route {
   std::uint64_t max_body_bytes = 0;
   /// Asked before the body is read, with the head alone: takes what the request will need (a place
   /// in a queue), which is held until it is answered. @throws ApiError to refuse it early.
-  std::function<std::shared_ptr<void>(const HttpRequest&, const PathParameters&)>
-      reserve {  /// Whether a request that announces no body is one without.
-    bool body_is_optional = false;
-  };
+  std::function<std::shared_ptr<void>(const HttpRequest&, const PathParameters&)> reserve{};
   /// Whether the handler itself leaves out what is of other maps than a limited key's. Where it
   /// does not and the path has neither `{map}`, `{job}` nor `{session}`, limited keys are refused.
   bool limits_maps = false;
+  /// Whether a request that announces no body is one without.
+  bool body_is_optional = false;
 };
 
 /// The table of routes. Immutable, safe from several threads.

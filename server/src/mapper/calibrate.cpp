@@ -168,7 +168,7 @@ void add_calibrate(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("calibrate", "Find how the lidars of a vehicle stand to each other");
   command->footer(
-      "The drives are of one time and one vehicle, 60 s or more with turns. With -o the file says "
+      "The drives are of one time and one vehicle, 60 s or more with turns. With -o the file says\n"
       "where the lidars stand; the folder that holds it is a drive of all of them.");
   command
       ->add_option("REFERENCE", arguments->reference, "Drive of the lidar that the others stand to")
