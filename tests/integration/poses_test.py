@@ -125,7 +125,7 @@ class Poses(unittest.TestCase):
     def test_viewpoints_are_poses_of_points_in_either_frame(self):
         rows = [digits([*T[:3, 3], *(q := quaternion(T[:3, :3]))[3:], *q[:3]]) for T in self.poses]
         for name, points in (("sensor", lambda i: self.scans[i]), ("map", self.moved)):
-            folder = self.folder / name
+            folder = self.folder / f"points_of_{name}"
             for i, row in enumerate(rows):
                 pcd(folder / f"{i:06d}.pcd", points(i), row)
             found = inspected(folder)

@@ -72,7 +72,7 @@ test('topics are read from the index of an MCAP file, and nothing else of it', a
     return slice(begin, end);
   };
   assert.deepEqual(rows(await topicsOf([file])), [
-    ['gnss', '/fix', 'sensor_msgs/msg/NavSatFix', 4], ['cloud', '/front', kCloud, 3], ['poses', '/odom', kOdometry, 9], ['cloud', '/rear', kCloud, 2],
+    ['gnss', '/fix', 'sensor_msgs/msg/NavSatFix', 4], ['cloud', '/front', kCloud, 3], ['imu', '/imu', 'sensor_msgs/msg/Imu', 9], ['poses', '/odom', kOdometry, 9], ['cloud', '/rear', kCloud, 2],
     ['poses', '/tf', 'tf2_msgs/msg/TFMessage', 1]]);
   assert.ok(read < 8_000 && read < file.size / 2, `${read} of ${file.size} bytes`);
 });
