@@ -138,13 +138,13 @@ Eigen::Isometry3d mount_from(std::span<const MountSight> sights, const Eigen::Is
 
 /// Covariance of the mount by parts of the drive.
 Matrix6d covariance_by_parts(std::span<const MountSight> sights, const Eigen::Isometry3d& T) {
-  const auto [first, last] = std::ranges::minmax(sights, {}, &MountSight::stamp_ns);
-  const double span_s = maps::seconds_between(first.stamp_ns, last.stamp_ns) + 1e-9;
+  const auto [first, last] = std::ranges::minmax_element(sights, {}, &MountSight::stamp_ns);
+  const double span_s = maps::seconds_between(first->stamp_ns, last->stamp_ns) + 1e-9;
   std::vector<Vector6d> without;
   for (std::size_t block = 0; block < kBlocks; ++block) {
     std::vector<MountSight> others;
     for (const MountSight& sight : sights) {
-      const double at = maps::seconds_between(first.stamp_ns, sight.stamp_ns) / span_s;
+      const double at = maps::seconds_between(first->stamp_ns, sight.stamp_ns) / span_s;
       if (static_cast<std::size_t>(at * kBlocks) != block) others.push_back(sight);
     }
     if (!others.empty()) without.push_back(difference_of_mounts(mount_from(others, T), T));
