@@ -57,13 +57,7 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
   if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
   if (!choice.gnss) choice.gnss = own.gnss;
   if (!choice.stamps) choice.stamps = own.stamps;
-  if (own.calibration && !choice.calibration) {
-    // The folder may be somebody's upload: it names no file of this machine.
-    if (own.calibration->find('/') != std::string::npos || *own.calibration == "..")
-      throw InputError(file.string(), "'calibration=" + own.calibration->substr(0, 100) + "'",
-                       "the name of a file in this folder, without '/'");
-    choice.calibration = (folder / *own.calibration).string();
-  }
+  if (!choice.calibration) choice.calibration = own.calibration;
   if (!choice.imu) choice.imu = own.imu;
   if (!choice.points) choice.points = own.points;
   return choice;
@@ -71,6 +65,16 @@ BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& f
 
 void check_recording_choice(std::string_view words, const std::string& source) {
   static_cast<void>(parse_bag_choice(words, source));
+}
+
+std::optional<std::filesystem::path> file_beside(const std::filesystem::path& bag,
+                                                 const std::string& name) {
+  const std::filesystem::path file(name);
+  if (name.empty() || file != file.filename() || name == "..") return std::nullopt;
+  const std::filesystem::path found =
+      (std::filesystem::is_directory(bag) ? bag : bag.parent_path()) / file;
+  if (!std::filesystem::is_regular_file(found)) return std::nullopt;
+  return found;
 }
 
 }  // namespace stillmap::maps

@@ -23,8 +23,7 @@ struct BagChoice {
   std::optional<std::string> points;
   /// "header", or "recorded": when the recorder got the clouds, instead of their own stamps.
   std::optional<std::string> stamps;
-  /// File of a Velodyne's calibration (`read_velodyne_calibration`); of `topics.txt`, one in its
-  /// folder.
+  /// Name of a file beside the bag: a Velodyne's calibration (`read_velodyne_calibration`).
   std::optional<std::string> calibration;
 
   [[nodiscard]] bool takes_recorded_stamps() const { return stamps == "recorded"; }
@@ -39,5 +38,10 @@ struct BagChoice {
 /// @throws InputError, StorageError.
 [[nodiscard]] BagChoice with_choice_of_folder(BagChoice choice,
                                               const std::filesystem::path& folder);
+
+/// A file that a choice names: beside a bag's file, or in its folder. Only there, since a choice
+/// may come with an upload. @return nothing for any other name, or where there is no such file.
+[[nodiscard]] std::optional<std::filesystem::path> file_beside(const std::filesystem::path& bag,
+                                                               const std::string& name);
 
 }  // namespace stillmap::maps

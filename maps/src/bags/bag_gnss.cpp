@@ -104,17 +104,6 @@ std::string topics_of_fixes(const BagSurvey& survey) {
   return listed;
 }
 
-/// A log beside the bag, if the choice names one. Only there: an upload may choose too.
-std::optional<std::filesystem::path> nmea_beside(const std::filesystem::path& root,
-                                                 const std::string& choice) {
-  const std::filesystem::path name(choice);
-  if (name.empty() || name != name.filename() || choice == "..") return std::nullopt;
-  const bool is_folder = std::filesystem::is_directory(root);
-  const std::filesystem::path file = (is_folder ? root : root.parent_path()) / name;
-  if (!std::filesystem::is_regular_file(file)) return std::nullopt;
-  return file;
-}
-
 void read_nmea_fixes(const std::filesystem::path& file, Drive::Contents& contents,
                      FixesOnPath& fixes) {
   const NmeaTrack track = read_nmea(file, contents.stamps_ns.front());
@@ -145,7 +134,7 @@ FixesOnPath chosen_fixes(Drive::Contents& contents, const Bags& bags, const BagS
     read_fixes(bags, topic->first, fixes);
     return fixes;
   }
-  if (const auto file = nmea_beside(contents.root, chosen)) {
+  if (const auto file = file_beside(contents.root, chosen)) {
     read_nmea_fixes(*file, contents, fixes);
     return fixes;
   }

@@ -408,7 +408,15 @@ Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
   const std::string name = root.string();
   const std::optional<PointsFrame> points = points_frame_of(choice, name);
   std::vector<VelodyneLaser> lasers;
-  if (choice.calibration) lasers = read_velodyne_calibration(*choice.calibration);
+  if (choice.calibration) {
+    const auto file = file_beside(root, *choice.calibration);
+    if (!file)
+      throw InputError(
+          name, "no calibration '" + choice.calibration->substr(0, 100) + "'",
+          "the name of a file beside the bag: copy the calibration there, and give its "
+          "name alone");
+    lasers = read_velodyne_calibration(*file);
+  }
   const bool takes_recorded = choice.takes_recorded_stamps();
   const std::vector<std::string> topics = chosen_clouds(choice);
   const auto scans =

@@ -42,6 +42,7 @@ class JoinedScan {
     scan_.cloud = std::move(reference.cloud);
     scan_.dropped = reference.dropped;
     scan_.points_in_file = reference.points_in_file;
+    scan_.times_note = std::move(reference.times_note);
     scan_.cloud.lidars.assign(scan_.cloud.size(), 0);
     scan_.cloud.lidar_origins = origins;
   }
@@ -69,6 +70,7 @@ class JoinedScan {
     cloud.lidars.resize(size, lidar);
     scan_.dropped += sweep.dropped;
     scan_.points_in_file += sweep.points_in_file;
+    if (scan_.times_note.empty()) scan_.times_note = sweep.times_note;
   }
 
   [[nodiscard]] DecodedScan take() { return std::move(scan_); }

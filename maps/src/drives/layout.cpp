@@ -339,8 +339,22 @@ void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept)
   keep(contents.label_files);
 }
 
-void keep_one_clock(Drive::Contents& contents) {
+namespace {
+
+/// Two stamps that follow each other in order. A recording takes no month; folders may hold scans
+/// of several days.
+bool are_of_one_clock(std::int64_t before_ns, std::int64_t after_ns, bool is_recorded) {
   constexpr double kMostApartNs = 30.0 * 24.0 * 3600.0 * 1e9;
+  // As doubles: the difference of two stamps may leave 64 bits.
+  const double apart_ns = static_cast<double>(after_ns) - static_cast<double>(before_ns);
+  if (apart_ns < kMostApartNs) return true;
+  return !is_recorded && (before_ns >= kFirstEpochStampNs || after_ns < kFirstEpochStampNs);
+}
+
+}  // namespace
+
+void keep_one_clock(Drive::Contents& contents) {
+  const bool is_recorded = is_recording(contents.layout);
   std::vector<std::int64_t> sorted = contents.stamps_ns;
   if (sorted.empty()) return;
   std::sort(sorted.begin(), sorted.end());
@@ -352,10 +366,7 @@ void keep_one_clock(Drive::Contents& contents) {
   std::size_t begin = 0, longest = 0;
   std::int64_t from_ns = 0, to_ns = 0;
   for (std::size_t i = 1; i <= sorted.size(); ++i) {
-    // As doubles: the difference of two stamps may leave 64 bits.
-    if (i < sorted.size() &&
-        static_cast<double>(sorted[i]) - static_cast<double>(sorted[i - 1]) < kMostApartNs)
-      continue;
+    if (i < sorted.size() && are_of_one_clock(sorted[i - 1], sorted[i], is_recorded)) continue;
     if (i - begin >= longest) {
       longest = i - begin;
       from_ns = sorted[begin];

@@ -106,9 +106,10 @@ void set_entries_of_files(Drive::Contents& contents);
 /// "1700000000.100 s".
 [[nodiscard]] std::string seconds_text(std::int64_t stamp_ns);
 
-/// Keeps the scans of one clock: where stamps lie more than 30 days apart, a clock was set, or had
-/// none yet; the part with the most scans stays (of equal ones the latest), and a note says what
-/// was left out. Sets `relative_clock` by what stays.
+/// Keeps the scans of one clock. Some stamps count from the epoch and others do not, or those of a
+/// recording lie more than 30 days apart, where a clock was set or had no time yet. The part with
+/// the most scans stays (of equal ones the latest), and a note says what was left out. Sets
+/// `relative_clock` by what stays.
 /// @throws InputError where all stamps are the same.
 void keep_one_clock(Drive::Contents& contents);
 

@@ -9,29 +9,14 @@
 #include <string>
 #include <string_view>
 
+#include "formats/pose_table.hpp"
+
 namespace stillmap::maps {
 namespace {
 
 constexpr std::string_view kImuHeader = "stamp_ns,wx,wy,wz,ax,ay,az";
 constexpr std::array<std::string_view, 7> kImuColumns{"stamp_ns", "wx", "wy", "wz",
                                                       "ax",       "ay", "az"};
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t begin = std::min(text.find_first_not_of(" \t\r"), text.size());
-  text.remove_prefix(begin);
-  return text.substr(0, text.find_last_not_of(" \t\r") + 1);
-}
-
-std::vector<std::string_view> cells_of(std::string_view line) {
-  std::vector<std::string_view> cells;
-  while (cells.size() < 64) {
-    const std::size_t end = line.find(',');
-    cells.push_back(trimmed(line.substr(0, end)));
-    if (end == std::string_view::npos) break;
-    line.remove_prefix(end + 1);
-  }
-  return cells;
-}
 
 /// The file's first line; lines of columns are short.
 std::string first_line(const std::filesystem::path& file) {
@@ -45,7 +30,7 @@ std::string first_line(const std::filesystem::path& file) {
 
 /// Where each of `kImuColumns` stands.
 std::array<std::size_t, 7> places_of(std::string_view header, const std::string& file) {
-  const std::vector<std::string_view> cells = cells_of(header);
+  const std::vector<std::string_view> cells = split_cells(header, ',');
   std::array<std::size_t, 7> places{};
   for (std::size_t i = 0; i < kImuColumns.size(); ++i) {
     const auto at = std::ranges::find(cells, kImuColumns[i]);
@@ -61,7 +46,7 @@ std::array<std::size_t, 7> places_of(std::string_view header, const std::string&
 
 bool has_imu_columns(const std::filesystem::path& file) {
   const std::string line = first_line(file);
-  const std::vector<std::string_view> cells = cells_of(line);
+  const std::vector<std::string_view> cells = split_cells(line, ',');
   return std::ranges::all_of(kImuColumns, [&](std::string_view name) {
     return std::ranges::find(cells, name) != cells.end();
   });
@@ -75,8 +60,8 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
   const std::size_t columns = *std::ranges::max_element(places) + 1;
   std::vector<ImuReading> readings;
   for (std::size_t number = 2; const auto line = take_line(rest); ++number) {
-    if (trimmed(*line).empty()) continue;
-    const std::vector<std::string_view> cells = cells_of(*line);
+    if (split_fields(*line, 1).empty()) continue;
+    const std::vector<std::string_view> cells = split_cells(*line, ',');
     if (cells.size() < columns)
       throw InputError(place(file, number), quoted(*line),
                        std::to_string(columns) + " columns, as the first line names");

@@ -79,14 +79,15 @@ void VelodyneSweep::set_model(std::span<const std::byte> packet) {
   model_ = model;
   if (lasers_.empty()) lasers_ = usual_lasers(*model);
   if (lasers_.size() < model->lasers)
-    throw InputError(name_,
-                     lasers_.empty() ? fmt::format("packets of {}, whose lasers differ from sensor "
-                                                   "to sensor",
-                                                   model->name)
-                                     : fmt::format("a calibration of {} lasers", lasers_.size()),
-                     fmt::format("the sensor's calibration of {} lasers: give "
-                                 "'BAG?calibration=FILE.yaml', a file of velodyne_pointcloud",
-                                 model->lasers));
+    throw InputError(
+        name_,
+        lasers_.empty() ? fmt::format("packets of {}, whose lasers differ from sensor "
+                                      "to sensor",
+                                      model->name)
+                        : fmt::format("a calibration of {} lasers", lasers_.size()),
+        fmt::format("the sensor's calibration of {} lasers: give "
+                    "'BAG?calibration=NAME', a file of velodyne_pointcloud beside the bag",
+                    model->lasers));
 }
 
 std::vector<VelodyneSweep::Block> VelodyneSweep::blocks_of(

@@ -91,6 +91,12 @@ TEST_F(ScanFolderDrive, OffersTheColumnsThatABinLooksLike) {
   expect_error("look like 3 a point", "?columns=xyz'");
 }
 
+TEST_F(ScanFolderDrive, HoldsScansOfDaysThatLieFarApart) {
+  for (const char* name : {"1600000000000000000", "1650000000000000000", "1650000000100000000"})
+    folder_.write(std::string(name) + ".pcd", kPcd);
+  EXPECT_EQ(open().size(), 3U);
+}
+
 TEST_F(ScanFolderDrive, RefusesColumnsThatAreNone) {
   folder_.write("a.bin", points_with(4));
   for (const char* columns : {"xyq", "xxyz", "xyi", "xyziitt"})

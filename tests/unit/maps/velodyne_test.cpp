@@ -121,7 +121,7 @@ TEST(VelodynePacket, OfHdl64eNeedsTheSensorsCalibration) {
     packet.set_block(block, block % 2 == 0 ? 0xeeff : 0xddff, 18'000);
   packet.set(1, 3, 5000);
   EXPECT_THAT([&] { (void)decoded(packet); },
-              ThrowsSaying<InputError>({"packets of HDL-64E", "?calibration=FILE.yaml"}));
+              ThrowsSaying<InputError>({"packets of HDL-64E", "?calibration=NAME"}));
   std::vector<VelodyneLaser> lasers(64);
   lasers[35].elevation_rad = 0.1;
   lasers[35].range_m = 0.5;

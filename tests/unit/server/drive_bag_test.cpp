@@ -730,14 +730,23 @@ TEST_F(BagDrive, NamesBothClocksWhereNoPoseIsNearAScan) {
 }
 
 TEST_F(BagDrive, TakesACalibrationOnlyFromItsOwnFolder) {
+  folder_.write("outside.yaml", "- laser_id: 0\n");
   folder_.write("bag/run.mcap", mcap_of(messages_));
-  folder_.write("bag/topics.txt", "cloud=/points\ncalibration=/etc/hostname\n");
-  const auto open_folder = [&] { (void)maps::Drive::open(folder_.path() / "bag"); };
-  EXPECT_THAT(open_folder, ThrowsSaying<maps::InputError>({"topics.txt", "without '/'"}));
-  folder_.write("bag/topics.txt", "calibration=64e.yaml\n");
-  EXPECT_THAT(open_folder, ThrowsSaying<maps::StorageError>({"bag/64e.yaml"}));
-  folder_.write("bag/64e.yaml", "- laser_id: 0\n");
-  open_folder();
+  folder_.write("bag/front.yaml", "- laser_id: 0\n");
+  const std::string bag = (folder_.path() / "bag").string();
+  for (const std::string& name : {(folder_.path() / "outside.yaml").string(),
+                                  std::string("../outside.yaml"), std::string("none.yaml")}) {
+    const auto refused =
+        ThrowsSaying<maps::InputError>({"no calibration '" + name, "beside the bag"});
+    EXPECT_THAT([&] { (void)maps::Drive::open(bag + "?calibration=" + name); }, refused);
+    EXPECT_THAT([&] { (void)maps::Drive::open(bag + "/run.mcap?calibration=" + name); }, refused);
+    // As an upload may say it.
+    folder_.write("bag/topics.txt", "calibration=" + name + "\n");
+    EXPECT_THAT([&] { (void)maps::Drive::open(bag); }, refused);
+  }
+  folder_.write("bag/topics.txt", "calibration=front.yaml\n");
+  EXPECT_EQ(maps::Drive::open(bag).size(), 4U);
+  EXPECT_EQ(maps::Drive::open(bag + "/run.mcap?calibration=front.yaml").size(), 4U);
 }
 
 TEST_F(BagDrive, ReadsCloudsOfLivox) {
