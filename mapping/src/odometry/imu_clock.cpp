@@ -32,8 +32,7 @@ constexpr double kFineOffsetStepS = 0.0005;
 
 std::int64_t ns_of(double s) { return std::llround(1e9 * s); }
 
-/// RateDifferences between the gyroscope and the scans, as rates [rad/s], and the steps they are
-/// of.
+/// How far the gyroscope's rates are from those of the scans [rad/s], over steps from scan to scan.
 struct RateDifferences {
   std::vector<Eigen::Vector3d> rates;
   std::vector<double> steps_s;

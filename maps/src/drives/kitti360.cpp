@@ -25,7 +25,7 @@ Eigen::Isometry3d read_rigid(const fs::path& file, std::string_view key) {
       if (line.fields.front() != key) continue;
       line.fields.erase(line.fields.begin());
     }
-    const Eigen::Isometry3d T = parse_kitti_pose(file, line);
+    Eigen::Isometry3d T = parse_kitti_pose(file, line);
     check_lever_arm(T.translation(), file);
     return T;
   }
@@ -43,7 +43,7 @@ std::optional<fs::path> kitti360_poses(const fs::path& root) {
   return file;
 }
 
-std::optional<Eigen::Isometry3d> kitti360_T_pose_lidar(const fs::path& poses_file) {
+std::optional<Eigen::Isometry3d> lidar_of_kitti360_poses(const fs::path& poses_file) {
   const fs::path file = fs::weakly_canonical(poses_file);
   const fs::path data_poses = file.parent_path().parent_path();
   const bool is_of_camera = file.filename() == "cam0_to_world.txt";

@@ -16,7 +16,7 @@ namespace stillmap::maps {
 /// `poses.txt` is of the IMU, `cam0_to_world.txt` of the left camera. Nothing for another file.
 /// Source: https://www.cvlibs.net/datasets/kitti-360/documentation.php
 /// @throws InputError for a calibration that is missing or broken.
-[[nodiscard]] std::optional<Eigen::Isometry3d> kitti360_T_pose_lidar(
+[[nodiscard]] std::optional<Eigen::Isometry3d> lidar_of_kitti360_poses(
     const std::filesystem::path& poses_file);
 
 }  // namespace stillmap::maps

@@ -108,7 +108,7 @@ void set_spin(Drive::Contents& contents, const fs::path& velodyne) {
 /// Poses of a file; those of KITTI-360 are brought from its IMU or camera to the lidar.
 void set_kitti_poses(Drive::Contents& contents, const fs::path& file, std::int64_t offset_ns) {
   set_poses(contents, file, offset_ns);
-  const auto T_pose_lidar = kitti360_T_pose_lidar(file);
+  const auto T_pose_lidar = lidar_of_kitti360_poses(file);
   if (!T_pose_lidar) return;
   for (Eigen::Isometry3d& T : contents.T_map_lidar) T = renormalized(T * *T_pose_lidar);
   if (!contents.path) return;

@@ -18,6 +18,9 @@ constexpr std::string_view kImuHeader = "stamp_ns,wx,wy,wz,ax,ay,az";
 constexpr std::array<std::string_view, 7> kImuColumns{"stamp_ns", "wx", "wy", "wz",
                                                       "ax",       "ay", "az"};
 
+/// The year 2096. Stamps below have differences that fit into 64 bits, whatever their signs.
+constexpr std::uint64_t kMaxStampNs = 4'000'000'000'000'000'000;
+
 /// The file's first line; lines of columns are short.
 std::string first_line(const std::filesystem::path& file) {
   std::ifstream stream(file);
@@ -76,8 +79,9 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
     const std::string_view stamp = cells[places[0]];
     const bool is_negative = stamp.starts_with('-');
     const auto count = parse_count(stamp.substr(is_negative ? 1 : 0));
-    if (!count || *count > static_cast<std::uint64_t>(INT64_MAX))
-      throw InputError(place(file, number), quoted(stamp), "a whole number of ns as stamp_ns");
+    if (!count || *count > kMaxStampNs)
+      throw InputError(place(file, number), quoted(stamp),
+                       "a whole number of ns as stamp_ns, at most 4e18");
     reading.stamp_ns = (is_negative ? -1 : 1) * static_cast<std::int64_t>(*count);
     for (int axis = 0; axis < 3; ++axis) {
       reading.rate_radps[axis] = number_in(1 + static_cast<std::size_t>(axis));

@@ -79,7 +79,8 @@ std::string read_choice_json(std::string_view text) {
     maps::check_recording_choice(choice, "choice");
   } catch (const maps::InputError&) {
     refuse("choice", found,
-           "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME or gnss=TOPIC, joined by &");
+           "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME, gnss=TOPIC, imu=TOPIC, points=map, "
+           "stamps=recorded or calibration=NAME, joined by &");
   }
   return choice;
 }

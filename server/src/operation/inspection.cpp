@@ -4,6 +4,7 @@
 #include <stillmap/maps/pose_file.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
+#include <stillmap/maps/trajectory.hpp>
 
 #include <algorithm>
 
@@ -95,13 +96,13 @@ namespace {
 std::optional<ImuSummary> imu_summary(const maps::Drive::Contents& contents) {
   if (!contents.imu) return std::nullopt;
   const maps::Imu& imu = *contents.imu;
-  const auto seconds = [](std::int64_t ns) { return 1e-9 * static_cast<double>(ns); };
-  return ImuSummary{imu.source,
-                    imu.readings->size(),
-                    imu.rate_hz(),
-                    imu.longest_gap_s(),
-                    seconds(imu.readings->front().stamp_ns - contents.stamps_ns.front()),
-                    seconds(imu.readings->back().stamp_ns - contents.stamps_ns.back())};
+  return ImuSummary{
+      imu.source,
+      imu.readings->size(),
+      imu.rate_hz(),
+      imu.longest_gap_s(),
+      maps::seconds_between(contents.stamps_ns.front(), imu.readings->front().stamp_ns),
+      maps::seconds_between(contents.stamps_ns.back(), imu.readings->back().stamp_ns)};
 }
 
 }  // namespace

@@ -74,7 +74,7 @@ Matrix6 checked_covariance(std::span<const double, 36> values, const std::string
     throw field_error(code, path, fault,
                       "a symmetric positive definite 6 x 6 matrix, row by row, both triangles "
                       "filled");
-  const Matrix6 covariance = 0.5 * (given + given.transpose());
+  Matrix6 covariance = 0.5 * (given + given.transpose());
   const auto variances = covariance.diagonal().array();
   if (!(variances >= kMinSigma * kMinSigma && variances <= kMaxSigma * kMaxSigma).all()) {
     throw field_error(

@@ -189,7 +189,9 @@ TEST(ImuFile, RefusesWhatIsBroken) {
   expect(header + "1,2,3\n", {"imu.csv line 2", "7 columns"});
   expect(header + "1,0,0,0,0,0,9.8\n2,0,x,0,0,0,9.8\n", {"line 3", "'x'", "wy"});
   expect(header + "1.5,0,0,0,0,0,9.8\n", {"line 2", "'1.5'", "whole number of ns"});
-  expect(header + "99999999999999999999,0,0,0,0,0,9.8\n", {"line 2", "whole number of ns"});
+  for (const std::string stamp :
+       {"99999999999999999999", "4000000000000000001", "-9000000000000000000"})
+    expect(header + stamp + ",0,0,0,0,0,9.8\n", {"line 2", "whole number of ns", "4e18"});
 }
 
 TEST(ImuFile, BelongsToADriveOfAFolder) {

@@ -140,14 +140,14 @@ class Drive {
   /// Points in the frame of the poses (registered scans) are recognised if a bag's frames or a
   /// folder's VIEWPOINTs say so, and told from points of the sensor by how well scans overlap.
   /// `?points=map` or `?points=sensor` behind any drive's path decides instead.
-  /// @param poses_file  poses `T_map_lidar` instead of the layout's own. KITTI: 12 numbers, one
-  /// line
-  ///                    for each scan. TUM: 8 numbers, interpolated to the scans' stamps; scans
-  ///                    without a pose within 0.2 s are left out and noted.
+  /// @param poses_file  poses `T_map_lidar` instead of the layout's own (`read_pose_file`): with
+  ///                    stamps, by the numbers of scans, or one for each scan. Poses with stamps
+  ///                    are interpolated to the scans' stamps; scans without a pose within 0.2 s
+  ///                    are left out and noted.
   /// @param pose_offset_ns  added to the stamps of the poses [ns], in [-1e18, 1e18]. One pose for
   ///                    each scan has the stamp of its scan.
-  /// @throws InputError if the layout is unknown or contradictory, KITTI poses are fewer than
-  /// scans, or no scan has a pose.
+  /// @throws InputError if the layout is unknown or contradictory, there are fewer poses than scans
+  /// where each has one, or no scan has a pose.
   [[nodiscard]] static Drive open(
       const std::filesystem::path& root,
       const std::optional<std::filesystem::path>& poses_file = std::nullopt,

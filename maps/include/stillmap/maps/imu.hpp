@@ -79,6 +79,7 @@ struct Imu {
 
 /// `imu.csv` beside scans: a header that names the columns stamp_ns, wx, wy, wz [rad/s], ax, ay, az
 /// [m/s^2] in the lidar's axes, in any order; others are ignored.
+/// Stamps are at most 4e18 ns (the year 2096), of either sign.
 /// @throws InputError naming file, line and what is missing or no number; StorageError.
 [[nodiscard]] std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file);
 
