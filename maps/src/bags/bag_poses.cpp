@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <map>
 #include <string_view>
 #include <utility>
 
@@ -19,8 +20,6 @@ namespace {
 /// A goal that was set now and then is no path.
 constexpr std::size_t kLeastPoses = 2;
 constexpr std::size_t kMostScansAPose = 40;
-/// Each is kept beside every scan; robots have a dozen.
-constexpr std::size_t kMostSteps = 64;
 
 /// Whole messages of the topics for which `wanted` holds.
 void visit_messages(const PoseSearch& search, const std::function<bool(const BagTopic&)>& wanted,
@@ -96,18 +95,18 @@ bool moves(const std::vector<FrameTree::Step>& steps) {
 }
 
 BagPoses poses_of_tf(const PoseSearch& search, const std::vector<FrameTree::Step>& steps) {
-  std::vector<PosesNearScans> near(steps.size(), PosesNearScans(search.stamps_ns));
+  std::map<std::size_t, PosesNearScans> near;
+  for (std::size_t i = 0; i < steps.size(); ++i)
+    if (!steps[i].T_parent_child) near.emplace(i, search.stamps_ns);
   visit_messages(
       search,
       [](const BagTopic& topic) { return topic.type == kTfMessage && !is_static_tf(topic.name); },
       [&](MessageReader& reader, const BagTopic&) {
         read_transforms(reader, [&](const StampedTransform& transform) {
-          for (std::size_t i = 0; i < steps.size(); ++i) {
-            if (steps[i].T_parent_child || steps[i].child != transform.child ||
-                steps[i].parent != transform.parent || !transform.T_parent_child)
-              continue;
-            near[i].add(transform.stamp_ns, *transform.T_parent_child);
-          }
+          if (!transform.T_parent_child) return;
+          for (auto& [i, poses] : near)
+            if (steps[i].child == transform.child && steps[i].parent == transform.parent)
+              poses.add(transform.stamp_ns, *transform.T_parent_child);
         });
       });
   BagPoses poses;
@@ -117,12 +116,12 @@ BagPoses poses_of_tf(const PoseSearch& search, const std::vector<FrameTree::Step
       poses.factors.push_back({{}, *steps[i].T_parent_child});
       continue;
     }
-    if (near[i].added() == 0)
+    if (near.at(i).added() == 0)
       throw InputError(search.name,
                        fmt::format("no transform from '{}' to '{}' that can be read",
                                    steps[i].parent, steps[i].child),
                        "transforms: choose a topic of poses with poses=TOPIC, or poses=none");
-    poses.factors.push_back({near[i].trajectory(), {}});
+    poses.factors.push_back({near.at(i).trajectory(), {}});
   }
   return poses;
 }
@@ -137,6 +136,16 @@ std::optional<Eigen::Isometry3d> T_parent_cloud(const PoseSearch& search, const 
   return tree.T_between(parent, search.cloud_frame);
 }
 
+/// Poses of each are kept beside the scans.
+void require_few(const PoseSearch& search, const std::vector<FrameTree::Step>& steps) {
+  if (steps.size() <= FrameTree::kMostSteps) return;
+  throw InputError(search.name,
+                   fmt::format("{} frames above '{}' in tf", steps.size(), steps.front().child),
+                   fmt::format("at most {}: choose another topic of poses with poses=TOPIC, or "
+                               "poses=none",
+                               FrameTree::kMostSteps));
+}
+
 /// Steps of tf from a frame up to the first that is joined rigidly to that of the clouds; empty if
 /// there is none, or nothing moves between them.
 std::vector<FrameTree::Step> steps_to_clouds(const PoseSearch& search, const std::string& frame) {
@@ -147,7 +156,8 @@ std::vector<FrameTree::Step> steps_to_clouds(const PoseSearch& search, const std
   });
   if (top == steps.end()) return {};
   steps.erase(std::next(top), steps.end());
-  if (!moves(steps)) steps.clear();
+  if (!moves(steps)) return {};
+  require_few(search, steps);
   return steps;
 }
 
@@ -207,11 +217,7 @@ std::vector<FrameTree::Step> steps_to_map(const PoseSearch& search) {
   const auto highest = std::find_if(steps.rbegin(), steps.rend(),
                                     [](const auto& step) { return is_map_frame(step.parent); });
   if (highest != steps.rend()) steps.erase(highest.base(), steps.end());
-  if (steps.size() > kMostSteps)
-    throw InputError(
-        search.name, fmt::format("{} frames above '{}' in tf", steps.size(), search.cloud_frame),
-        fmt::format("at most {}: choose a topic of poses with poses=TOPIC, or poses=none",
-                    kMostSteps));
+  require_few(search, steps);
   return steps;
 }
 
@@ -220,12 +226,14 @@ std::vector<FrameTree::Step> steps_to_map(const PoseSearch& search) {
 std::optional<std::string> frame_below_clouds(const PoseSearch& search) {
   if (search.choice.pose_frame) return search.choice.pose_frame;
   std::string frame = search.cloud_frame;
-  do {
+  // Where frames stand in a circle there is no end.
+  for (std::size_t step = 0; step < FrameTree::kMostSteps; ++step) {
     const std::vector<std::string> below = search.survey.tree.moving_below(frame);
     if (below.size() != 1) return std::nullopt;
     frame = below.front();
-  } while (stands_still(frame));
-  return frame;
+    if (!stands_still(frame)) return frame;
+  }
+  return std::nullopt;
 }
 
 /// Registered clouds, and tf alone: poses of what moves in their frame.

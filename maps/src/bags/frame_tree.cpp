@@ -25,6 +25,7 @@ constexpr std::string_view kEarthFrame = "earth";
 }  // namespace
 
 void FrameTree::add(const std::string& child, Edge edge, const std::string& source) {
+  if (edge.parent == child) return;
   if (edges_.size() == kMostFrames && !edges_.contains(child))
     throw InputError(source, "over " + std::to_string(kMostFrames) + " frames in tf", "fewer");
   edges_.insert_or_assign(child, std::move(edge));
@@ -67,14 +68,14 @@ std::vector<std::pair<std::string, Eigen::Isometry3d>> FrameTree::rigid_above(
   std::vector<std::pair<std::string, Eigen::Isometry3d>> above;
   Eigen::Isometry3d T_here_frame = Eigen::Isometry3d::Identity();
   std::string here = frame;
-  while (above.size() <= edges_.size()) {
+  while (above.size() <= kMostSteps) {
     above.emplace_back(here, T_here_frame);
     const auto edge = edges_.find(here);
     if (edge == edges_.end() || !edge->second.T_parent_child) return above;
     T_here_frame = *edge->second.T_parent_child * T_here_frame;
     here = edge->second.parent;
   }
-  return above;  // in circles: each of them once and one again
+  return above;  // too many, or in circles
 }
 
 std::optional<Eigen::Isometry3d> FrameTree::T_between(const std::string& to,

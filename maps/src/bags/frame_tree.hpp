@@ -14,7 +14,11 @@ namespace stillmap::maps {
 /// ones only that they are.
 class FrameTree {
  public:
-  /// The latest of a child counts. @throws InputError naming `source` for over 4096 frames.
+  /// Frames on one way up; robots have a dozen. What lies above counts as not joined.
+  static constexpr std::size_t kMostSteps = 64;
+
+  /// The latest of a child counts. A frame that stands in itself is left out.
+  /// @throws InputError naming `source` for over 4096 frames.
   void add_rigid(const std::string& parent, const std::string& child,
                  const Eigen::Isometry3d& T_parent_child, const std::string& source);
   /// @param T_parent_child  of this message; none where it cannot be read.

@@ -9,7 +9,6 @@ namespace stillmap::maps {
 PosesNearScans::PosesNearScans(std::vector<std::int64_t> stamps_ns)
     : stamps_ns_(std::move(stamps_ns)) {
   std::sort(stamps_ns_.begin(), stamps_ns_.end());
-  gaps_.resize(stamps_ns_.size() + 1);
 }
 
 void PosesNearScans::add(std::int64_t stamp_ns, const Eigen::Isometry3d& T) {
@@ -38,7 +37,7 @@ void PosesNearScans::keep_ends(const StampedPose& pose) {
 Trajectory PosesNearScans::trajectory() const {
   std::map<std::int64_t, Eigen::Isometry3d> kept;
   const auto keep = [&](const StampedPose& pose) { kept.emplace(pose.stamp_ns, pose.T_map_lidar); };
-  for (const Gap& gap : gaps_) {
+  for (const auto& [number, gap] : gaps_) {
     if (gap.first) keep(*gap.first);
     if (gap.last) keep(*gap.last);
   }

@@ -3,6 +3,7 @@
 #include <stillmap/maps/trajectory.hpp>
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -10,7 +11,7 @@ namespace stillmap::maps {
 
 /// Out of poses in any number and order, those that interpolation to some stamps needs: the last at
 /// or before each stamp and the first behind it, and the two at either end. Memory grows with the
-/// stamps alone.
+/// stamps, and no faster than with the poses.
 class PosesNearScans {
  public:
   /// @param stamps_ns  of the scans, in any order.
@@ -29,7 +30,8 @@ class PosesNearScans {
   void keep_ends(const StampedPose& pose);
 
   std::vector<std::int64_t> stamps_ns_;
-  std::vector<Gap> gaps_;
+  /// By the number of the upper one; those with poses.
+  std::map<std::size_t, Gap> gaps_;
   /// The two earliest and the two latest of all, in their order.
   std::vector<StampedPose> earliest_;
   std::vector<StampedPose> latest_;

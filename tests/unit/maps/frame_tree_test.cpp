@@ -57,5 +57,36 @@ TEST(FrameTree, AMessageThatCannotBeReadChangesNothing) {
   EXPECT_EQ(tree.settle_unmoved().size(), 1U);
 }
 
+TEST(FrameTree, AFrameDoesNotStandInItself) {
+  FrameTree tree;
+  tree.add_moving("odom", "odom", at(1.0), "test");
+  tree.add_rigid("odom", "odom", at(1.0), "test");
+  EXPECT_THAT(tree.steps_above("odom"), IsEmpty());
+  EXPECT_THAT(tree.moving_below("odom"), IsEmpty());
+  EXPECT_FALSE(tree.has_rigid("odom"));
+}
+
+TEST(FrameTree, FramesInACircleHaveNoneAbove) {
+  FrameTree tree;
+  tree.add_moving("map", "odom", at(1.0), "test");
+  tree.add_moving("odom", "map", at(1.0), "test");
+  tree.add_rigid("odom", "lidar", at(1.0), "test");
+  EXPECT_THAT(tree.steps_above("lidar"), IsEmpty());
+  tree.add_rigid("a", "b", at(1.0), "test");
+  tree.add_rigid("b", "a", at(1.0), "test");
+  EXPECT_FALSE(tree.T_between("a", "lidar"));
+}
+
+TEST(FrameTree, JoinsFramesOfAsManyStepsAsARobotHas) {
+  FrameTree tree;
+  const auto frame = [](std::size_t i) { return "f" + std::to_string(i); };
+  for (std::size_t i = 0; i <= FrameTree::kMostSteps; ++i)
+    tree.add_rigid(frame(i + 1), frame(i), at(1.0), "test");
+  const auto T = tree.T_between(frame(FrameTree::kMostSteps), frame(0));
+  ASSERT_TRUE(T);
+  EXPECT_EQ(T->translation().x(), static_cast<double>(FrameTree::kMostSteps));
+  EXPECT_FALSE(tree.T_between(frame(FrameTree::kMostSteps + 1), frame(0)));
+}
+
 }  // namespace frame_tree_test
 }  // namespace stillmap::maps

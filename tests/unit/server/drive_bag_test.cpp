@@ -932,6 +932,25 @@ TEST_F(RegisteredClouds, AreNotSeenInWhatMovesOnTheSensorItself) {
   EXPECT_THAT(drive.contents().notes, Contains(HasSubstr("not registered by it")));
 }
 
+TEST_F(RegisteredClouds, HaveNoPosesWhereTfGoesInACircle) {
+  add_clouds("odom", false);
+  add_tf("odom", "odom");
+  EXPECT_FALSE(open().has_poses());
+  add_tf("map", "odom");
+  add_tf("odom", "map");
+  EXPECT_FALSE(open().has_poses());
+}
+
+TEST_F(RegisteredClouds, HaveNoMoreFramesBelowThemThanARobotHas) {
+  add_clouds("map");
+  add_path("/odom", "odom", "base_link");
+  for (int i = 0; i < 65; ++i)
+    add("/tf", kTfType,
+        test::transform(kStart, i == 0 ? "map" : "f" + std::to_string(i),
+                        i == 64 ? "base_link" : "f" + std::to_string(i + 1), {1.0, 0, 0}));
+  expect_error({"65 frames above 'base_link' in tf", "at most 64"}, "?poses=/odom");
+}
+
 TEST_F(RegisteredClouds, MayBeChosenWithAFileOfPoses) {
   add_clouds("lidar");
   std::string tum;
