@@ -27,6 +27,7 @@ struct BagChoice {
   std::optional<std::string> calibration;
 
   [[nodiscard]] bool takes_recorded_stamps() const { return stamps == "recorded"; }
+  friend bool operator==(const BagChoice&, const BagChoice&) = default;
 };
 
 /// `cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix&imu=/imu`, any of them, parted by `&`

@@ -12,8 +12,9 @@
 namespace stillmap::maps {
 
 /// The IMU of a bag in the axes of the clouds: that on the one topic of Imu, or on the chosen one;
-/// its mount is that of tf_static.
-/// @param survey       loses the readings of the topic.
+/// its mount is that of tf_static. Where the clouds have the recorder's times, so have the
+/// readings.
+/// @param survey       of the same choice; loses the readings of the topic.
 /// @param cloud_frame  of the clouds.
 /// @param name         of the drive, for messages.
 /// @param notes        gets what was done, for people.

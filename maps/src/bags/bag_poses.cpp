@@ -20,26 +20,8 @@ namespace {
 /// A goal that was set now and then is no path.
 constexpr std::size_t kLeastPoses = 2;
 constexpr std::size_t kMostScansAPose = 40;
-
-/// Whole messages of the topics for which `wanted` holds.
-void visit_messages(const PoseSearch& search, const std::function<bool(const BagTopic&)>& wanted,
-                    const std::function<void(MessageReader&, const BagTopic&)>& take) {
-  constexpr std::size_t kMostBytes = std::size_t{1} << 20U;
-  for (const std::unique_ptr<Bag>& bag : search.bags) {
-    std::vector<std::size_t> bytes;
-    for (const BagTopic& topic : bag->topics()) bytes.push_back(wanted(topic) ? kMostBytes : 0);
-    // What is damaged was said of the first time.
-    (void)bag->visit(bytes, [&](const BagMessage& message) {
-      const BagTopic& topic = bag->topics()[message.topic];
-      try {
-        MessageReader reader(message.head, topic.serialization, topic.name);
-        take(reader, topic);
-      } catch (const InputError&) {
-        // Not readable: as if it had not been sent.
-      }
-    });
-  }
-}
+/// As the survey reads of tf.
+constexpr std::size_t kMostPoseBytes = std::size_t{1} << 20U;
 
 /// Frames that the messages of a topic of poses name.
 struct FramesOfPoses {
@@ -99,7 +81,7 @@ BagPoses poses_of_tf(const PoseSearch& search, const std::vector<FrameTree::Step
   for (std::size_t i = 0; i < steps.size(); ++i)
     if (!steps[i].T_parent_child) near.emplace(i, search.stamps_ns);
   visit_messages(
-      search,
+      search.bags, kMostPoseBytes,
       [](const BagTopic& topic) { return topic.type == kTfMessage && !is_static_tf(topic.name); },
       [&](MessageReader& reader, const BagTopic&) {
         read_transforms(reader, [&](const StampedTransform& transform) {
@@ -174,7 +156,7 @@ BagPoses poses_of_topic(const PoseSearch& search, const std::string& topic) {
   PosesNearScans near(search.stamps_ns);
   FramesOfPoses frames;
   visit_messages(
-      search, [&](const BagTopic& each) { return each.name == topic; },
+      search.bags, kMostPoseBytes, [&](const BagTopic& each) { return each.name == topic; },
       [&](MessageReader& reader, const BagTopic& each) {
         const StampedTransform pose = read_pose(reader, each.type);
         frames.add(pose);

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "bags/cloud_messages.hpp"
+#include "bags/livox_cloud.hpp"
 #include "bags/ros_messages.hpp"
 
 namespace stillmap::maps {
@@ -14,6 +15,8 @@ namespace {
 
 /// Encapsulation, stamp and the longest name of a frame.
 constexpr std::size_t kHeaderBytes = 4 + 12 + 4 + 1025;
+/// Of Livox' clouds, with alignment: timebase, number of points, lidar.
+constexpr std::size_t kLivoxBytes = 7 + 8 + 4 + 1;
 /// More transforms than any robot sends at once.
 constexpr std::size_t kMostTfBytes = std::size_t{1} << 20U;
 constexpr std::size_t kMostFramesNamed = 8;
@@ -25,7 +28,7 @@ constexpr std::size_t kMostImuReadings = 10'000'000;
 constexpr std::size_t kImuBytes = 8 * (4 + 9 + 3 + 9 + 3) + 8;
 
 std::size_t head_bytes_of(const std::string& type) {
-  if (cloud_type(type) != nullptr) return kHeaderBytes;
+  if (cloud_type(type) != nullptr) return kHeaderBytes + (is_livox_type(type) ? kLivoxBytes : 0);
   if (type == kTfMessage) return kMostTfBytes;
   if (type == kImu) return kHeaderBytes + kImuBytes;
   return is_pose_type(type) ? kHeaderBytes + 4 + 1025 : 0;
@@ -33,7 +36,7 @@ std::size_t head_bytes_of(const std::string& type) {
 
 class Surveyor {
  public:
-  explicit Surveyor(const Bags& bags) : bags_(bags) {}
+  Surveyor(const Bags& bags, const BagChoice& choice) : bags_(bags), choice_(choice) {}
 
   BagSurvey survey() {
     for (std::uint32_t i = 0; i < bags_.size(); ++i) survey_bag(i);
@@ -76,9 +79,10 @@ class Surveyor {
       if (head_bytes_of(topic.type) == 0) return;
       MessageReader reader(message.head, topic.serialization, topic.name);
       if (topic.type == kTfMessage) return take_tf(reader, topic.name, bag);
-      if (topic.type == kImu) return take_imu(reader, known);
+      if (topic.type == kImu) return take_imu(reader, topic.name, message.recorded_ns);
       if (cloud_type(topic.type) == nullptr) return take_pose(reader, topic.type, known);
       const RosHeader header = read_header(reader);
+      if (is_livox_type(topic.type)) known.livox_lidars.insert(read_livox_lidar(reader));
       if (++clouds_ > kMostClouds) return;
       known.clouds.push_back(
           {message.place, header.stamp_ns, message.recorded_ns, number, topic.serialization});
@@ -97,12 +101,15 @@ class Surveyor {
     known.pose_frames = {pose.parent, pose.child};
   }
 
-  void take_imu(MessageReader& reader, TopicSurvey& known) {
-    if (imu_readings_ == kMostImuReadings) return;
+  void take_imu(MessageReader& reader, const std::string& topic, std::int64_t recorded_ns) {
     const FramedImuReading imu = read_imu(reader);
-    if (known.imu.empty()) known.imu_frame = imu.frame_id;
+    TopicSurvey& known = survey_.topics[topic];
+    if (known.imu_readings++ == 0) known.imu_frame = imu.frame_id;
+    // Without a choice one is used only where it is the only one.
+    if (imu_topic_.empty()) imu_topic_ = choice_.imu.value_or(topic);
+    if (topic != imu_topic_ || known.imu.size() == kMostImuReadings) return;
     known.imu.push_back(imu.reading);
-    ++imu_readings_;
+    if (choice_.takes_recorded_stamps()) known.imu_recorded_ns.push_back(recorded_ns);
   }
 
   void take_tf(MessageReader& reader, const std::string& topic, const Bag& bag) {
@@ -119,9 +126,10 @@ class Surveyor {
   }
 
   const Bags& bags_;
+  const BagChoice& choice_;
   BagSurvey survey_;
   std::size_t clouds_ = 0;
-  std::size_t imu_readings_ = 0;
+  std::string imu_topic_;
 };
 
 }  // namespace
@@ -129,6 +137,31 @@ class Surveyor {
 bool is_pose_type(const std::string& type) { return type == kNavOdometry || type == kPoseStamped; }
 bool is_static_tf(const std::string& topic) { return topic.ends_with("tf_static"); }
 
-BagSurvey survey(const Bags& bags) { return Surveyor(bags).survey(); }
+BagSurvey survey(const Bags& bags, const BagChoice& choice) {
+  return Surveyor(bags, choice).survey();
+}
+
+void visit_messages(const Bags& bags, std::size_t head_bytes,
+                    const std::function<bool(const BagTopic&)>& wanted,
+                    const std::function<void(MessageReader&, const BagTopic&)>& take) {
+  for (const std::unique_ptr<Bag>& bag : bags) {
+    std::vector<std::size_t> bytes;
+    for (const BagTopic& topic : bag->topics()) bytes.push_back(wanted(topic) ? head_bytes : 0);
+    (void)bag->visit(bytes, [&](const BagMessage& message) {
+      const BagTopic& topic = bag->topics()[message.topic];
+      try {
+        MessageReader reader(message.head, topic.serialization, topic.name);
+        take(reader, topic);
+      } catch (const InputError&) {
+        // Not readable: as if it had not been sent.
+      }
+    });
+  }
+}
+
+std::string unreadable_text(const std::string& topic, const TopicSurvey& known) {
+  return fmt::format("{} messages of {} cannot be read, the first: {}", known.unreadable, topic,
+                     known.why_unreadable);
+}
 
 }  // namespace stillmap::maps

@@ -1,16 +1,20 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include <stillmap/maps/imu.hpp>
 
 #include "bags/bag.hpp"
+#include "bags/bag_choice.hpp"
 #include "bags/frame_tree.hpp"
+#include "bags/message_reader.hpp"
 
 namespace stillmap::maps {
 
@@ -37,17 +41,25 @@ struct TopicSurvey {
   std::string type;
   /// Of all bags.
   std::size_t messages = 0;
-  /// Of these, clouds whose header cannot be read.
+  /// Of these, clouds whose header cannot be read, and poses, tf and readings of an IMU that cannot
+  /// be read.
   std::size_t unreadable = 0;
   /// Why the first of them cannot.
   std::string why_unreadable;
   std::vector<CloudEntry> clouds;
   /// That the clouds' headers name, at most 8.
   std::vector<std::string> frames;
+  /// That Livox' clouds name.
+  std::set<std::uint8_t> livox_lidars;
   /// That the first of the poses names; nothing where it cannot be read.
   std::optional<PoseFrames> pose_frames;
-  /// Of an IMU, in its own axes, in the order of the messages.
+  /// Of an IMU, in its own axes, in the order of the messages: the first 10 million of the chosen
+  /// topic, or of the first one.
   std::vector<ImuReading> imu;
+  /// When the recorder got them, if the choice takes its times for the clouds.
+  std::vector<std::int64_t> imu_recorded_ns;
+  /// Of all readings, also those that are not held.
+  std::size_t imu_readings = 0;
   /// That the first of them names.
   std::string imu_frame;
 };
@@ -62,9 +74,20 @@ struct BagSurvey {
   BagDamage damage;
 };
 
-/// Goes through the bags once: headers of clouds, counts of poses, all of tf and of IMUs.
+/// Goes through the bags once: headers of clouds, counts of poses, all of tf and of one IMU.
+/// @param choice  says which IMU, and whether the recorder's times of it are needed.
 /// @throws InputError for one topic of two types, where one of them is read; StorageError.
-[[nodiscard]] BagSurvey survey(const Bags& bags);
+[[nodiscard]] BagSurvey survey(const Bags& bags, const BagChoice& choice);
+
+/// Goes once more through the messages of the topics for which `wanted` holds. Messages that cannot
+/// be read are left out, and damage is not told again.
+/// @param head_bytes  how many of a message's first bytes are needed.
+void visit_messages(const Bags& bags, std::size_t head_bytes,
+                    const std::function<bool(const BagTopic&)>& wanted,
+                    const std::function<void(MessageReader&, const BagTopic&)>& take);
+
+/// "3 messages of /points cannot be read, the first: ...".
+[[nodiscard]] std::string unreadable_text(const std::string& topic, const TopicSurvey& known);
 
 [[nodiscard]] bool is_pose_type(const std::string& type);
 [[nodiscard]] bool is_static_tf(const std::string& topic);

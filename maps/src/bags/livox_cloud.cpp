@@ -81,6 +81,12 @@ DecodedScan decode_livox_cloud(MessageReader& reader, std::size_t max_points) {
   return scan;
 }
 
+std::uint8_t read_livox_lidar(MessageReader& reader) {
+  (void)reader.number<std::uint64_t>();  // timebase
+  (void)reader.number<std::uint32_t>();  // count
+  return reader.number<std::uint8_t>();
+}
+
 std::vector<std::string> fields_of_livox_cloud(MessageReader& reader) {
   (void)read_livox_head(reader);
   return {"offset_time u32", "x f32", "y f32", "z f32", "reflectivity u8", "tag u8", "line u8"};

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/scan_file.hpp>
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,6 +28,11 @@ namespace stillmap::maps {
 /// @throws InputError as `decode_point_cloud2`.
 [[nodiscard]] DecodedScan decode_livox_cloud(MessageReader& reader,
                                              std::size_t max_points = 4'000'000);
+
+/// The lidar that a CustomMsg names: drivers with multi_topic 0 put those of all lidars on one
+/// topic.
+/// @param reader  behind the header. @throws as above.
+[[nodiscard]] std::uint8_t read_livox_lidar(MessageReader& reader);
 
 /// "offset_time u32", ... @throws as above.
 [[nodiscard]] std::vector<std::string> fields_of_livox_cloud(MessageReader& reader);

@@ -88,11 +88,6 @@ std::string listed(const BagSurvey& survey, bool clouds_only) {
   return text.empty() ? "none" : text;
 }
 
-std::string unreadable_text(const std::string& topic, const TopicSurvey& known) {
-  return fmt::format("{} messages of {} cannot be read, the first: {}", known.unreadable, topic,
-                     known.why_unreadable);
-}
-
 /// The one topic of clouds, or the one that was chosen.
 const std::string& cloud_topic(const BagSurvey& survey, const std::optional<std::string>& chosen,
                                const std::string& name) {
@@ -456,7 +451,7 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
     choice.points = choice_of_poses.points == PointsFrame::kMap ? "map" : "sensor";
   const auto bags = std::make_shared<Bags>();
   for (const fs::path& file : bag_files(root)) bags->push_back(open_bag(file));
-  BagSurvey found = survey(*bags);
+  BagSurvey found = survey(*bags, choice);
   std::vector<RecordingTopic> topics = topics_to_choose(found);
   // No IMU is in the way of a drive.
   const auto others =

@@ -246,6 +246,7 @@ class BagImu : public ::testing::Test {
     TopicSurvey& topic = survey_.topics["/imu"];
     topic.type = kImu;
     topic.imu = speeding_up(Eigen::Vector3f::Zero());
+    topic.imu_readings = topic.imu.size();
     topic.imu_frame = "imu_link";
   }
   std::shared_ptr<const Imu> find(const BagChoice& choice = {}) {
@@ -293,6 +294,52 @@ TEST_F(BagImu, OfSeveralIsTakenAsChosen) {
   choice.imu = "/gyro";
   EXPECT_THAT([&] { (void)find(choice); },
               ThrowsSaying<InputError>({"run.bag", "'/gyro'", "/front/imu"}));
+}
+
+TEST_F(BagImu, SaysWhichReadingsAreNotUsed) {
+  TopicSurvey& topic = survey_.topics["/imu"];
+  topic.imu_readings += 3;
+  topic.unreadable = 2;
+  topic.why_unreadable = "cut";
+  ASSERT_TRUE(find());
+  EXPECT_THAT(notes_, Contains(HasSubstr("2 messages of /imu cannot be read, the first: cut")));
+  EXPECT_THAT(notes_, Contains(HasSubstr("/imu: the first 201 of 204 readings are used")));
+  survey_ = {};
+  TopicSurvey& broken = survey_.topics["/imu"];
+  broken.type = kImu;
+  broken.unreadable = 2;
+  broken.why_unreadable = "cut";
+  EXPECT_FALSE(find());
+  EXPECT_THAT(notes_, ElementsAre(HasSubstr("2 messages of /imu cannot be read, the first: cut")));
+  BagChoice choice;
+  choice.imu = "/imu";
+  EXPECT_THAT([&] { (void)find(choice); }, ThrowsSaying<InputError>({"on '/imu'", "first: cut"}));
+}
+
+/// The recorder gets a reading up to 9 ms late, and the IMU's clock drifts by 1 ms in 1000
+/// readings.
+TEST_F(BagImu, HasTheRecordersTimesWhereTheCloudsHave) {
+  constexpr std::int64_t kEpochNs = 1'700'000'000'000'000'000;
+  TopicSurvey& topic = survey_.topics["/imu"];
+  topic.imu.resize(3000);
+  for (int i = 0; i < 3000; ++i) {
+    topic.imu[static_cast<std::size_t>(i)].stamp_ns = 7 + i * kStepNs;
+    topic.imu_recorded_ns.push_back(kEpochNs + i * (kStepNs + 1000) + (i * 7 % 10) * 1'000'000);
+  }
+  // The recorder's clock was broken once.
+  topic.imu_recorded_ns[1500] = std::numeric_limits<std::int64_t>::min();
+  topic.imu_readings = topic.imu.size();
+  BagChoice choice;
+  choice.stamps = "recorded";
+  const auto imu = find(choice);
+  ASSERT_TRUE(imu);
+  ASSERT_EQ(imu->readings->size(), 3000U);
+  for (const int i : {0, 999, 1000, 2999}) {
+    const std::int64_t late_ns =
+        (*imu->readings)[static_cast<std::size_t>(i)].stamp_ns - kEpochNs - i * (kStepNs + 1000);
+    EXPECT_NEAR(1e-6 * static_cast<double>(late_ns), 4.5, 1.1) << i;
+  }
+  EXPECT_EQ((*imu->readings)[11].stamp_ns - (*imu->readings)[10].stamp_ns, kStepNs);
 }
 
 }  // namespace imu_test
