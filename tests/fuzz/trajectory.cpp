@@ -48,6 +48,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (const auto pose =
           fuzz::taken<maps::InputError>([&] { return maps::read_hdl_keyframe(file); }))
     require_rigid(pose->T_map_lidar);
-  static_cast<void>(fuzz::taken<maps::InputError>([&] { return maps::read_nmea(file, 0); }));
+  static_cast<void>(fuzz::taken<maps::InputError>(
+      [&] { return maps::read_nmea(file, 0, [](const maps::NmeaFix&) {}); }));
   return 0;
 }

@@ -41,11 +41,18 @@ class FixesOnPath {
   [[nodiscard]] std::size_t without_place() const { return without_place_; }
   /// Frame of fixes that tf_static does not join to the clouds'.
   [[nodiscard]] const std::optional<std::string>& unknown_frame() const { return unknown_frame_; }
+  /// Whether there are fixes that name no frame.
+  [[nodiscard]] bool names_no_frame() const { return names_no_frame_; }
 
  private:
   static constexpr std::size_t kMost = 20'000;
 
   Eigen::Vector3d p_lidar_antenna(const std::string& frame) {
+    // A receiver's log names none.
+    if (frame.empty()) {
+      names_no_frame_ = true;
+      return Eigen::Vector3d::Zero();
+    }
     if (frame != frame_) {
       frame_ = frame;
       const auto T = frame == cloud_frame_ ? std::optional(Eigen::Isometry3d::Identity())
@@ -71,23 +78,14 @@ class FixesOnPath {
   std::optional<std::string> frame_;
   Eigen::Vector3d p_lidar_antenna_ = Eigen::Vector3d::Zero();
   std::optional<std::string> unknown_frame_;
+  bool names_no_frame_ = false;
 };
 
 void read_fixes(const Bags& bags, const std::string& topic, FixesOnPath& fixes) {
-  constexpr std::size_t kMostBytes = 4096;
-  for (const std::unique_ptr<Bag>& bag : bags) {
-    std::vector<std::size_t> bytes;
-    for (const BagTopic& each : bag->topics()) bytes.push_back(each.name == topic ? kMostBytes : 0);
-    // What is damaged was said of the first time.
-    (void)bag->visit(bytes, [&](const BagMessage& message) {
-      try {
-        MessageReader reader(message.head, bag->topics()[message.topic].serialization, topic);
-        fixes.add(read_fix(reader));
-      } catch (const InputError&) {
-        // Not readable: as if it had not been sent.
-      }
-    });
-  }
+  constexpr std::size_t kFixBytes = 4096;
+  visit_messages(
+      bags, kFixBytes, [&](const BagTopic& each) { return each.name == topic; },
+      [&](MessageReader& reader, const BagTopic&) { fixes.add(read_fix(reader)); });
 }
 
 Trajectory path_of(const Drive::Contents& contents) {
@@ -106,9 +104,9 @@ std::string topics_of_fixes(const BagSurvey& survey) {
 
 void read_nmea_fixes(const std::filesystem::path& file, Drive::Contents& contents,
                      FixesOnPath& fixes) {
-  const NmeaTrack track = read_nmea(file, contents.stamps_ns.front());
-  // The antenna's frame is not known to a receiver.
-  for (const NmeaFix& fix : track.fixes) fixes.add({fix.stamp_ns, "antenna", fix.place});
+  const NmeaTrack track = read_nmea(file, contents.stamps_ns.front(), [&](const NmeaFix& fix) {
+    fixes.add({fix.stamp_ns, {}, fix.place});
+  });
   const std::string name = file.filename().string();
   if (track.broken > 0)
     contents.notes.push_back(
@@ -186,6 +184,9 @@ void place_by_gnss(Drive::Contents& contents, const Bags& bags, const BagSurvey&
     contents.notes.push_back(
         fmt::format("tf_static has no place of '{}' of {}: taken as that of the lidar",
                     *fixes.unknown_frame(), *choice.gnss));
+  if (fixes.names_no_frame())
+    contents.notes.push_back(fmt::format(
+        "{} does not say where its antenna stands: taken to stand at the lidar", *choice.gnss));
 }
 
 }  // namespace stillmap::maps

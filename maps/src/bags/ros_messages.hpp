@@ -58,7 +58,7 @@ void read_transforms(MessageReader& reader,
 /// Where an antenna was.
 struct GnssFix {
   std::int64_t stamp_ns = 0;
-  /// Of the antenna.
+  /// Of the antenna; empty where nothing names it.
   std::string frame_id;
   /// Nothing where the receiver had no fix, or the place is none on Earth: no altitude is one.
   std::optional<GeodeticOrigin> place;

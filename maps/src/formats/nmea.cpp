@@ -69,51 +69,85 @@ std::optional<double> angle_of(std::string_view text, std::string_view side) {
   return side == "S" || side == "W" ? -angle : angle;
 }
 
+/// The cells of the sentence in a line; of a whole GGA there are at least 13.
+struct Sentence {
+  std::string_view kind;
+  std::vector<std::string_view> cells;
+  std::size_t size = 0;
+  /// Of another checksum.
+  bool is_broken = false;
+};
+
+std::optional<Sentence> parse_sentence(std::string_view line) {
+  const std::size_t begin = line.find('$');
+  if (begin == std::string_view::npos) return std::nullopt;
+  while (line.ends_with('\r') || line.ends_with(' ')) line.remove_suffix(1);
+  Sentence sentence;
+  const auto text = sentence_of(line.substr(begin + 1));
+  sentence.is_broken = !text;
+  if (!text) return sentence;
+  sentence.cells = split_cells(*text, ',');
+  if (sentence.cells.empty() || sentence.cells[0].size() < 5) return std::nullopt;
+  sentence.size = sentence.cells.size();
+  sentence.kind = sentence.cells[0].substr(sentence.cells[0].size() - 3);
+  sentence.cells.resize(std::max<std::size_t>(sentence.size, 15));
+  return sentence;
+}
+
+/// Of RMC and ZDA: date and time of day.
+std::optional<std::int64_t> date_of(const Sentence& sentence) {
+  const auto& cells = sentence.cells;
+  std::optional<std::int64_t> day_ns;
+  if (sentence.kind == "RMC" && cells[9].size() == 6)
+    day_ns = day_of(cells[9].substr(0, 2), cells[9].substr(2, 2), cells[9].substr(4, 2));
+  if (sentence.kind == "ZDA") day_ns = day_of(cells[2], cells[3], cells[4]);
+  const auto of_day_ns = day_ns ? time_of_day(cells[1]) : std::nullopt;
+  if (!of_day_ns) return std::nullopt;
+  return *day_ns + *of_day_ns;
+}
+
+void for_each_sentence(std::string_view text, const std::function<bool(const Sentence&)>& take) {
+  constexpr std::size_t kMostLine = 1024;
+  while (const auto line = take_line(text)) {
+    if (line->size() > kMostLine) continue;
+    const auto sentence = parse_sentence(*line);
+    if (sentence && !take(*sentence)) return;
+  }
+}
+
 class NmeaReader {
  public:
-  explicit NmeaReader(std::int64_t near_ns) : near_ns_(near_ns) {}
+  NmeaReader(std::int64_t near_ns, const std::function<void(const NmeaFix&)>& take)
+      : last_ns_(near_ns), take_fix_(take) {}
 
-  void take(std::string_view line) {
-    const std::size_t begin = line.find('$');
-    if (begin == std::string_view::npos) return;
-    while (line.ends_with('\r') || line.ends_with(' ')) line.remove_suffix(1);
-    const auto sentence = sentence_of(line.substr(begin + 1));
-    if (!sentence) {
+  void take(const Sentence& sentence) {
+    if (sentence.is_broken) {
       ++track_.broken;
-      return;
+    } else if (sentence.kind == "GGA") {
+      take_position(sentence);
+    } else if (const auto date_ns = date_of(sentence)) {
+      track_.has_date = true;
+      last_ns_ = *date_ns;
     }
-    std::vector<std::string_view> cells = split_cells(*sentence, ',');
-    if (cells.empty() || cells[0].size() < 5) return;
-    cells.resize(std::max<std::size_t>(cells.size(), 15));
-    const std::string_view kind = cells[0].substr(cells[0].size() - 3);
-    if (kind == "GGA") take_position(cells);
-    if (kind == "RMC" && cells[9].size() == 6)
-      take_date(day_of(cells[9].substr(0, 2), cells[9].substr(2, 2), cells[9].substr(4, 2)),
-                cells[1]);
-    if (kind == "ZDA") take_date(day_of(cells[2], cells[3], cells[4]), cells[1]);
   }
 
-  [[nodiscard]] NmeaTrack track() { return std::move(track_); }
+  [[nodiscard]] const NmeaTrack& track() const { return track_; }
 
  private:
-  void take_date(const std::optional<std::int64_t>& day_ns, std::string_view time) {
-    const auto of_day_ns = time_of_day(time);
-    if (!day_ns || !of_day_ns) return;
-    const bool is_first = !track_.has_date;
-    track_.has_date = true;
-    last_ns_ = *day_ns + *of_day_ns;
-    // Those before the first date had that of the drive.
-    if (is_first)
-      for (NmeaFix& fix : track_.fixes) fix.stamp_ns = nearest(fix.stamp_ns % kDayNs, *last_ns_);
-  }
-
   /// The time of day on the day that brings it nearest to a stamp.
   static std::int64_t nearest(std::int64_t of_day_ns, std::int64_t stamp_ns) {
     const std::int64_t days = (stamp_ns - of_day_ns + kDayNs / 2) / kDayNs;
     return days * kDayNs + of_day_ns;
   }
 
-  void take_position(const std::vector<std::string_view>& cells) {
+  void take_position(const Sentence& sentence) {
+    // Up to the unit of the geoid separation: a line that was cut before has other numbers.
+    constexpr std::size_t kLeastCells = 13;
+    const std::vector<std::string_view>& cells = sentence.cells;
+    if (sentence.size < kLeastCells) {
+      ++track_.broken;
+      return;
+    }
     const auto of_day_ns = time_of_day(cells[1]);
     const auto quality = parse_count(cells[6]);
     if (!of_day_ns) {
@@ -121,13 +155,14 @@ class NmeaReader {
       track_.broken += cells[1].empty() ? 0U : 1U;
       return;
     }
-    last_ns_ = nearest(*of_day_ns, last_ns_.value_or(near_ns_));
-    NmeaFix fix{*last_ns_, std::nullopt};
+    last_ns_ = nearest(*of_day_ns, last_ns_);
+    NmeaFix fix{last_ns_, std::nullopt};
     if (quality && *quality > 0) {
       fix.place = place_of(cells);
       track_.broken += fix.place ? 0U : 1U;
     }
-    track_.fixes.push_back(fix);
+    ++track_.fixes;
+    take_fix_(fix);
   }
 
   std::optional<GeodeticOrigin> place_of(const std::vector<std::string_view>& cells) {
@@ -141,28 +176,32 @@ class NmeaReader {
     return place;
   }
 
-  std::int64_t near_ns_;
   /// Of the sentence before.
-  std::optional<std::int64_t> last_ns_;
+  std::int64_t last_ns_;
+  const std::function<void(const NmeaFix&)>& take_fix_;
   NmeaTrack track_;
 };
 
 }  // namespace
 
-NmeaTrack read_nmea(const std::filesystem::path& file, std::int64_t near_ns) {
+NmeaTrack read_nmea(const std::filesystem::path& file, std::int64_t near_ns,
+                    const std::function<void(const NmeaFix&)>& take) {
   constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 30U;
   const std::string text = read_text(file, kMostBytes);
-  NmeaReader reader(near_ns);
-  std::string_view rest = text;
-  while (const auto line = take_line(rest)) {
-    constexpr std::size_t kMostLine = 1024;
-    if (line->size() <= kMostLine) reader.take(*line);
-  }
-  NmeaTrack track = reader.track();
-  if (track.fixes.empty())
+  std::optional<std::int64_t> first_date_ns;
+  for_each_sentence(text, [&](const Sentence& sentence) {
+    if (!sentence.is_broken) first_date_ns = date_of(sentence);
+    return !first_date_ns;
+  });
+  NmeaReader reader(first_date_ns.value_or(near_ns), take);
+  for_each_sentence(text, [&](const Sentence& sentence) {
+    reader.take(sentence);
+    return true;
+  });
+  if (reader.track().fixes == 0)
     throw InputError(file.string(), "no GGA sentence that can be read",
                      "a log of NMEA 0183 with $..GGA: give another file");
-  return track;
+  return reader.track();
 }
 
 }  // namespace stillmap::maps

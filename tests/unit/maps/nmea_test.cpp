@@ -19,15 +19,21 @@ constexpr std::int64_t kStamp = 764'426'119'000'000'000;
 
 class Nmea : public ::testing::Test {
  protected:
-  [[nodiscard]] NmeaTrack read(const std::string& text, std::int64_t near_ns = 0) const {
-    return read_nmea(folder_.write("track.nmea", text), near_ns);
+  struct Log : NmeaTrack {
+    std::vector<NmeaFix> fixes;
+  };
+  [[nodiscard]] Log read(const std::string& text, std::int64_t near_ns = 0) const {
+    Log log;
+    static_cast<NmeaTrack&>(log) = read_nmea(folder_.write("track.nmea", text), near_ns,
+                                             [&](const NmeaFix& fix) { log.fixes.push_back(fix); });
+    return log;
   }
   test::TemporaryFolder folder_{test::memory_folder()};
 };
 
 TEST_F(Nmea, PositionsHaveDateAndHeightAboveTheEllipsoid) {
   for (const std::string& text : {kGga + kRmc, kRmc + kGga, "764426119.25 " + kGga + kRmc}) {
-    const NmeaTrack track = read(text);
+    const Log track = read(text);
     ASSERT_THAT(track.fixes, SizeIs(1));
     EXPECT_EQ(track.fixes[0].stamp_ns, kStamp);
     ASSERT_TRUE(track.fixes[0].place);
@@ -42,14 +48,14 @@ TEST_F(Nmea, PositionsHaveDateAndHeightAboveTheEllipsoid) {
 
 TEST_F(Nmea, WithoutADateTheNearestDayCounts) {
   for (const std::int64_t hours : {-11, 0, 11}) {
-    const NmeaTrack track = read(kGga, kStamp + hours * 3'600'000'000'000);
+    const Log track = read(kGga, kStamp + hours * 3'600'000'000'000);
     EXPECT_EQ(track.fixes.at(0).stamp_ns, kStamp) << hours;
     EXPECT_FALSE(track.has_date);
   }
 }
 
 TEST_F(Nmea, GoesOverMidnight) {
-  const NmeaTrack track = read(
+  const Log track = read(
       "$GNGGA,235959.50,4807.038,S,01131.000,W,4,08,0.9,5,M,,M,,\n"
       "$GNZDA,235959.50,23,03,1994,00,00\n"
       "$GNGGA,000000.25,4807.038,S,01131.000,W,4,08,0.9,5,M,,M,,\n");
@@ -64,8 +70,8 @@ TEST_F(Nmea, GoesOverMidnight) {
 TEST_F(Nmea, WhatCannotBeReadIsLeftOut) {
   std::string wrong = kGga;
   wrong[20] = '9';
-  const NmeaTrack track = read(wrong + kGga + "$GPGGA,,,,,,0,,,,M,,M,,*66\n" +
-                               "$GPGGA,123520,,,,,0,00,,,M,,M,,\n$GPGSV,1,1,00\nnoise\n");
+  const Log track = read(wrong + kGga + "$GPGGA,,,,,,0,,,,M,,M,,*66\n" +
+                         "$GPGGA,123520,,,,,0,00,,,M,,M,,\n$GPGSV,1,1,00\nnoise\n");
   EXPECT_THAT(track.fixes, SizeIs(2));
   EXPECT_FALSE(track.fixes[1].place) << "no fix";
   EXPECT_EQ(track.broken, 1U);
@@ -74,14 +80,32 @@ TEST_F(Nmea, WhatCannotBeReadIsLeftOut) {
 }
 
 TEST_F(Nmea, IsReadOrRefusedWhereverItIsCut) {
-  const std::string text = kGga + kRmc;
-  for (std::size_t size = 0; size < text.size(); ++size) {
-    try {
-      EXPECT_THAT(read(text.substr(0, size)).fixes, SizeIs(1));
-    } catch (const InputError&) {
-      EXPECT_LT(size, kGga.size());
+  const std::string without_checksum = kGga.substr(0, kGga.find('*')) + "\r\n";
+  for (const std::string& gga : {kGga, without_checksum}) {
+    const std::string text = gga + kRmc;
+    for (std::size_t size = 0; size < text.size(); ++size) {
+      try {
+        const Log log = read(text.substr(0, size));
+        ASSERT_THAT(log.fixes, SizeIs(1)) << size;
+        EXPECT_EQ(log.NmeaTrack::fixes, 1U);
+        ASSERT_TRUE(log.fixes[0].place) << size;
+        EXPECT_NEAR(log.fixes[0].place->longitude_deg, 11.0 + 31.0 / 60.0, 1e-9) << size;
+        EXPECT_NEAR(log.fixes[0].place->altitude_m, 592.3, 1e-9) << size;
+      } catch (const InputError&) {
+        EXPECT_LT(size, gga.size());
+      }
     }
   }
+}
+
+TEST_F(Nmea, FixesBeforeTheFirstDateHaveIt) {
+  const Log log = read(
+      "$GNGGA,235959.50,4807.038,N,01131.000,E,4,08,0.9,5,M,,M,,\n"
+      "$GNZDA,000000.00,24,03,1994,00,00\n"
+      "$GNGGA,000000.50,4807.038,N,01131.000,E,4,08,0.9,5,M,,M,,\n");
+  ASSERT_THAT(log.fixes, SizeIs(2));
+  EXPECT_EQ(log.fixes[0].stamp_ns, 764'467'199'500'000'000);
+  EXPECT_EQ(log.fixes[1].stamp_ns, 764'467'200'500'000'000);
 }
 
 }  // namespace nmea_test

@@ -456,6 +456,14 @@ TEST_F(BagDriveWithGnss, ReadsALogOfNmeaBesideTheBag) {
   EXPECT_LT((by_log.T_map_lidar(30).translation() - by_topic.T_map_lidar(30).translation()).norm(),
             0.01);
   EXPECT_THAT(by_log.contents().notes, Contains(HasSubstr("track.nmea tells no date")));
+  EXPECT_THAT(by_log.contents().notes,
+              Contains(HasSubstr("track.nmea does not say where its antenna stands")));
+  // A frame of another device's has nothing to do with it.
+  add_static("base_link", "antenna", {30.0, 0.0, 2.0});
+  EXPECT_LT((open("?gnss=track.nmea").T_map_lidar(30).translation() -
+             by_log.T_map_lidar(30).translation())
+                .norm(),
+            1e-6);
   // Nothing but what lies beside it.
   expect_error({"no GNSS on ../track.nmea"}, "?gnss=../track.nmea");
   expect_error({"no GNSS on none.nmea", "NMEA log beside the bag"}, "?gnss=none.nmea");
