@@ -1,14 +1,17 @@
 #include "drives/bag_drive.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/lidar_set.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/recording_choice.hpp>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -21,10 +24,12 @@
 #include "bags/cloud_messages.hpp"
 #include "bags/ros_messages.hpp"
 #include "bags/unpacked_bag.hpp"
+#include "bags/velodyne_scan.hpp"
 #include "drives/bag_files.hpp"
 #include "drives/joined_lidars.hpp"
 #include "drives/layout.hpp"
 #include "drives/pose_gaps.hpp"
+#include "formats/pose_table.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -38,10 +43,21 @@ struct BagScans {
   const CloudType* type = nullptr;
   /// Of the calibration that was chosen; empty without.
   std::vector<VelodyneLaser> lasers;
+  /// Why it is not used, if it is that of another lidar; else empty.
+  std::string lasers_note;
   std::vector<CloudEntry> clouds;
 
   [[nodiscard]] DecodedScan read(std::size_t number) const {
     return read_by(number, [this](MessageReader& reader) { return type->decode(reader, lasers); });
+  }
+  [[nodiscard]] bool has_packets() const { return type == cloud_type(kVelodyneScan); }
+  [[nodiscard]] bool can_read_first() const {
+    try {
+      (void)read(0);
+    } catch (const InputError&) {
+      return false;
+    }
+    return true;
   }
   /// Empty where the first cloud cannot be read.
   [[nodiscard]] std::vector<std::string> fields() const {
@@ -138,6 +154,7 @@ void set_notes(Drive::Contents& contents, const BagScans& scans, const BagSurvey
                       step.child, step.parent));
   }
   if (topic.unreadable > 0) contents.notes.push_back(unreadable_text(scans.topic, topic));
+  if (!scans.lasers_note.empty()) contents.notes.push_back(scans.lasers_note);
 }
 
 void set_scans(Drive::Contents& contents, const std::shared_ptr<const BagScans>& scans,
@@ -210,9 +227,9 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
                     "scans from {} to {}",
                     poses.source, range_text(poses), seconds_text(contents.stamps_ns.front()),
                     seconds_text(contents.stamps_ns.back())),
-        fmt::format("poses at the scans' stamps: if the clocks differ, give "
-                    "'{}?stamps=recorded' for the recorder's times of the scans, or "
-                    "build with --pose-time-offset SECONDS; else choose another topic "
+        fmt::format("poses at the scans' stamps: if the clocks differ, add stamps=recorded behind "
+                    "the drive's path, as in '{}?stamps=recorded', for the recorder's times of the "
+                    "scans, or build with --pose-time-offset SECONDS; else choose another topic "
                     "with poses=TOPIC, or poses=none",
                     contents.root.string()));
   const std::size_t without = contents.stamps_ns.size() - kept.size() - in_gaps.left_out;
@@ -229,27 +246,39 @@ void set_bag_poses(Drive::Contents& contents, const BagPoses& poses, std::int64_
 }
 
 /// The topics of `cloud=/front,/rear`; none without commas.
-std::vector<std::string> chosen_clouds(const BagChoice& choice) {
+std::vector<std::string> chosen_clouds(const BagChoice& choice, const std::string& name) {
+  if (!choice.cloud || choice.cloud->find(',') == std::string::npos) return {};
   std::vector<std::string> topics;
-  if (!choice.cloud || choice.cloud->find(',') == std::string::npos) return topics;
-  std::string_view rest = *choice.cloud;
-  while (true) {
-    const std::size_t end = rest.find(',');
-    topics.emplace_back(rest.substr(0, end));
-    if (end == std::string_view::npos) return topics;
-    rest.remove_prefix(end + 1);
-  }
+  for (const std::string_view topic : split_cells(*choice.cloud, ',')) topics.emplace_back(topic);
+  const std::set<std::string> once(topics.begin(), topics.end());
+  if (topics.size() < 2 || topics.size() > kMostLidars || once.size() < topics.size() ||
+      once.contains(""))
+    throw InputError(name, "'cloud=" + choice.cloud->substr(0, 100) + "'",
+                     fmt::format("one topic, or 2 to {} with commas between them, each once: "
+                                 "correct cloud=",
+                                 kMostLidars));
+  return topics;
+}
+
+/// Of several lidars a calibration may be that of one. The others have the angles of their model.
+void keep_fitting_lasers(BagScans& scans, const std::string& calibration) {
+  if (!scans.has_packets() || scans.lasers.empty() || scans.can_read_first()) return;
+  std::vector<VelodyneLaser> lasers = std::exchange(scans.lasers, {});
+  if (scans.can_read_first())
+    scans.lasers_note = fmt::format(
+        "{} has {} lasers and is not used for {}: its sensor is another one, whose "
+        "lasers have the angles of its manual",
+        calibration, lasers.size(), scans.topic);
+  else
+    scans.lasers = std::move(lasers);  // what is broken is said where it is read
 }
 
 /// Takes the clouds of a topic out of the survey.
-std::shared_ptr<const BagScans> scans_on_topic(const std::shared_ptr<const Bags>& bags,
-                                               BagSurvey& survey,
-                                               const std::optional<std::string>& chosen,
-                                               const std::string& name,
-                                               const std::vector<VelodyneLaser>& lasers) {
+std::shared_ptr<BagScans> scans_on_topic(const std::shared_ptr<const Bags>& bags, BagSurvey& survey,
+                                         const std::optional<std::string>& chosen,
+                                         const std::string& name) {
   auto scans = std::make_shared<BagScans>();
   scans->bags = bags;
-  scans->lasers = lasers;
   scans->topic = cloud_topic(survey, chosen, name);
   TopicSurvey& clouds = survey.topics.at(scans->topic);
   scans->clouds = std::exchange(clouds.clouds, {});
@@ -260,6 +289,12 @@ std::shared_ptr<const BagScans> scans_on_topic(const std::shared_ptr<const Bags>
                                  clouds.frames[1]),
                      "one frame: choose another topic with cloud=TOPIC, or record each frame on a "
                      "topic of its own");
+  if (clouds.livox_lidars.size() > 1)
+    throw InputError(name,
+                     fmt::format("clouds of lidars {} on {}", fmt::join(clouds.livox_lidars, ", "),
+                                 scans->topic),
+                     "one lidar: choose another topic with cloud=TOPIC, or record each lidar on a "
+                     "topic of its own (multi_topic 1 of Livox' driver)");
   return scans;
 }
 
@@ -268,15 +303,21 @@ std::shared_ptr<const BagScans> scans_on_topic(const std::shared_ptr<const Bags>
 bool set_points_frame(Drive::Contents& contents, const BagPoses& poses,
                       const std::optional<PointsFrame>& chosen) {
   if (!poses.T_map_points && chosen != PointsFrame::kMap) return true;
-  const Eigen::Isometry3d T_map_points = poses.T_map_points.value_or(Eigen::Isometry3d::Identity());
   std::optional<PointsFrameOverlap> overlap;
-  if (!chosen) overlap = overlap_by_points_frame(contents, contents.T_map_lidar, T_map_points);
+  if (!chosen)
+    overlap = overlap_by_points_frame(contents, contents.T_map_lidar, *poses.T_map_points);
   const std::optional<PointsFrame> found = chosen || !overlap ? chosen : overlap->frame();
   if (poses.only_if_overlapping && found != PointsFrame::kMap) return false;
   std::string shares = chosen ? "as was chosen" : "as their messages say";
   if (overlap)
     shares = fmt::format("scans overlap by {:.0f} % so, and by {:.0f} % as points of the sensor",
                          100.0 * overlap->as_map, 100.0 * overlap->as_sensor);
+  if (!poses.T_map_points) {
+    read_points_from_map(contents);
+    contents.notes.push_back(fmt::format(
+        "points of {} are taken in the frame of the poses, as was chosen", contents.entries.topic));
+    return true;
+  }
   const std::string clouds = fmt::format("clouds of {} name '{}', the frame that the poses are in",
                                          contents.entries.topic, contents.entries.frame_id);
   if (found == PointsFrame::kSensor) {
@@ -285,7 +326,7 @@ bool set_points_frame(Drive::Contents& contents, const BagPoses& poses,
                     clouds, shares));
     return true;
   }
-  read_points_from_map(contents, T_map_points);
+  read_points_from_map(contents, *poses.T_map_points);
   contents.notes.push_back(fmt::format(
       "{}: their points are brought back to the sensor by its poses ({}); points=sensor decides "
       "otherwise",
@@ -370,14 +411,24 @@ Drive::Contents contents_of(const fs::path& root, const std::shared_ptr<const Ba
   return contents;
 }
 
+/// Where `lidars.json` of a bag's lidars lies: beside its file or folder.
+fs::path folder_of_set(const fs::path& bag) {
+  const std::string last = bag.filename().string();
+  const fs::path folder =
+      (last.empty() || last == "." || last == "..") ? fs::weakly_canonical(bag) : bag;
+  return folder.has_parent_path() ? folder.parent_path() : ".";
+}
+
 /// Placed by tf_static. @param reference  the drive of the first lidar.
 BesideLidar lidar_beside(const Drive::Contents& reference,
                          const std::shared_ptr<const BagScans>& scans, const BagSurvey& survey,
                          bool takes_recorded) {
   Drive::Contents contents = contents_of(reference.root, scans, survey, takes_recorded);
-  // What is said of the bag as a whole was said with the reference.
-  contents.notes.clear();
   leave_out_unordered(contents);
+  // What is said of the bag as a whole was said with the reference.
+  std::erase_if(contents.notes, [&](const std::string& note) {
+    return std::ranges::find(reference.notes, note) != reference.notes.end();
+  });
   const std::string& to = reference.entries.frame_id;
   const std::string& from = contents.entries.frame_id;
   const std::string bag = reference.root.string();
@@ -387,13 +438,53 @@ BesideLidar lidar_beside(const Drive::Contents& reference,
     throw InputError(
         bag, fmt::format("no transform from '{}' to '{}' on /tf_static", from, to),
         fmt::format("one for each lidar: find it with stillmap calibrate '{0}?cloud={1}' "
-                    "'{0}?cloud={2}' -o lidars.json in the bag's folder, and give that folder",
-                    bag, reference.entries.topic, scans->topic));
+                    "'{0}?cloud={2}' -o '{3}', and give '{4}' as the drive",
+                    bag, reference.entries.topic, scans->topic,
+                    (folder_of_set(reference.root) / kLidarSetFile).string(),
+                    folder_of_set(reference.root).string()));
   if (to == from)
     contents.notes.push_back(
         "its clouds are in the reference's frame: where it stands is not "
         "known, so its rays begin at the reference");
   return {Drive(std::move(contents)), scans->topic, *T_reference_lidar, 0};
+}
+
+/// The lasers of the chosen calibration; empty without.
+std::vector<VelodyneLaser> chosen_lasers(const fs::path& root, const BagChoice& choice) {
+  if (!choice.calibration) return {};
+  const auto file = file_beside(root, *choice.calibration);
+  if (!file)
+    throw InputError(root.string(), "no calibration '" + choice.calibration->substr(0, 100) + "'",
+                     "the name of a file beside the bag: copy the calibration there, and give its "
+                     "name alone");
+  return read_velodyne_calibration(*file);
+}
+
+/// Of the chosen topics, the reference first.
+std::vector<std::shared_ptr<const BagScans>> chosen_scans(const std::shared_ptr<const Bags>& bags,
+                                                          BagSurvey& survey,
+                                                          const BagChoice& choice,
+                                                          const fs::path& root) {
+  const std::string name = root.string();
+  const std::vector<VelodyneLaser> lasers = chosen_lasers(root, choice);
+  std::vector<std::shared_ptr<const BagScans>> chosen;
+  bool has_packets = false;
+  const auto add = [&](const std::optional<std::string>& topic, bool is_one_of_several) {
+    const std::shared_ptr<BagScans> scans = scans_on_topic(bags, survey, topic, name);
+    scans->lasers = lasers;
+    if (is_one_of_several) keep_fitting_lasers(*scans, choice.calibration.value_or(""));
+    has_packets = has_packets || scans->has_packets();
+    chosen.push_back(scans);
+  };
+  const std::vector<std::string> topics = chosen_clouds(choice, name);
+  for (const std::string& topic : topics) add(topic, true);
+  if (topics.empty()) add(choice.cloud, false);
+  if (choice.calibration && !has_packets)
+    throw InputError(name,
+                     fmt::format("calibration= for clouds on {} of {}", chosen.front()->topic,
+                                 survey.topics.at(chosen.front()->topic).type),
+                     fmt::format("a topic of {}: leave out calibration=", kVelodyneScan));
+  return chosen;
 }
 
 /// @param found  of the bags; its clouds are taken out of it.
@@ -402,21 +493,9 @@ Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
                                   const std::shared_ptr<const Bags>& bags) {
   const std::string name = root.string();
   const std::optional<PointsFrame> points = points_frame_of(choice, name);
-  std::vector<VelodyneLaser> lasers;
-  if (choice.calibration) {
-    const auto file = file_beside(root, *choice.calibration);
-    if (!file)
-      throw InputError(
-          name, "no calibration '" + choice.calibration->substr(0, 100) + "'",
-          "the name of a file beside the bag: copy the calibration there, and give its "
-          "name alone");
-    lasers = read_velodyne_calibration(*file);
-  }
   const bool takes_recorded = choice.takes_recorded_stamps();
-  const std::vector<std::string> topics = chosen_clouds(choice);
-  const auto scans =
-      scans_on_topic(bags, found, topics.empty() ? choice.cloud : topics.front(), name, lasers);
-  Drive::Contents contents = contents_of(root, scans, found, takes_recorded);
+  const auto scans = chosen_scans(bags, found, choice, root);
+  Drive::Contents contents = contents_of(root, scans.front(), found, takes_recorded);
   if (choice_of_poses.file) {
     set_poses(contents, *choice_of_poses.file, choice_of_poses.offset_ns);
     if (points == PointsFrame::kMap) read_points_from_map(contents);
@@ -425,15 +504,18 @@ Drive::Contents open_surveyed_bag(const fs::path& root, const BagChoice& choice,
                                            contents.notes)) {
     take_poses(contents, *poses, choice_of_poses.offset_ns, points);
   }
+  if (scans.size() > 1 && contents.points_from_map)
+    throw InputError(
+        name, fmt::format("registered clouds on {}, one of several topics", scans.front()->topic),
+        "points of the sensors: choose one topic with cloud=TOPIC, or points=sensor");
   contents.imu = find_imu(found, choice, contents.entries.frame_id, name, contents.notes);
   leave_out_unordered(contents);
   place_by_gnss(contents, *bags, found, choice, name);
-  if (topics.size() < 2) return contents;
+  if (scans.size() == 1) return contents;
   std::vector<BesideLidar> others;
-  for (auto topic = topics.begin() + 1; topic != topics.end(); ++topic)
-    others.push_back(lidar_beside(contents, scans_on_topic(bags, found, *topic, name, lasers),
-                                  found, takes_recorded));
-  return joined_lidars(Drive(std::move(contents)), scans->topic, std::move(others));
+  for (auto other = scans.begin() + 1; other != scans.end(); ++other)
+    others.push_back(lidar_beside(contents, *other, found, takes_recorded));
+  return joined_lidars(Drive(std::move(contents)), scans.front()->topic, std::move(others));
 }
 
 }  // namespace
@@ -456,7 +538,9 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
   // No IMU is in the way of a drive.
   const auto others =
       std::ranges::count_if(topics, [](const auto& each) { return each.word != "imu"; });
-  const bool has_choice = others > 1 && topics.front().word == "cloud";
+  // A choice may be wrong also where there is one topic of each kind.
+  const bool has_choice =
+      !topics.empty() && topics.front().word == "cloud" && (others > 1 || choice != BagChoice{});
   try {
     return open_surveyed_bag(root, choice, choice_of_poses, found, bags);
   } catch (const InputError& error) {

@@ -4,6 +4,7 @@
 #include <stillmap/maps/lidar_set.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/median.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -161,6 +162,21 @@ JoinedSweeps joined_sweeps(const Drive& reference, const std::string& name,
   return joined;
 }
 
+/// Nobody asks for the choice of a drive in a set, so it has to be made in lidars.json.
+Drive open_lidar(const std::filesystem::path& set, const std::string& drive,
+                 const PosesChoice& poses) {
+  try {
+    return Drive::open(set / drive, poses.file, poses.offset_ns);
+  } catch (const ChoiceError& error) {
+    throw InputError((set / kLidarSetFile).string(),
+                     fmt::format("'{}', which leaves a choice ({})", drive, error.what()),
+                     fmt::format("the choice in this file: add it to the drive's name, as in "
+                                 "\"{}?{}={}\"",
+                                 drive.substr(0, drive.find('?')), error.topics().front().word,
+                                 error.topics().front().name));
+  }
+}
+
 }  // namespace
 
 Drive::Contents joined_lidars(const Drive& reference, const std::string& name,
@@ -202,6 +218,9 @@ bool is_lidar_set(const std::filesystem::path& root) {
 Drive::Contents open_lidar_set(const std::filesystem::path& root, const PosesChoice& poses) {
   const std::filesystem::path file = root / kLidarSetFile;
   const std::vector<MountedLidar> lidars = read_lidar_set(file);
+  if (poses.points)
+    throw InputError(root.string(), "points= behind a drive of several lidars",
+                     "its folder alone: write points= behind each drive's name in lidars.json");
   for (const MountedLidar& lidar : lidars) {
     if (is_lidar_set(address_of(root / lidar.drive).place))
       throw InputError(file.string(), "'" + lidar.drive + "', which is a drive of several lidars",
@@ -214,10 +233,10 @@ Drive::Contents open_lidar_set(const std::filesystem::path& root, const PosesCho
   const auto name_of_lidar = [&](const MountedLidar& lidar) {
     return same_place ? lidar.drive : named(lidar.drive);
   };
-  const Drive reference = Drive::open(root / lidars.front().drive, poses.file, poses.offset_ns);
+  const Drive reference = open_lidar(root, lidars.front().drive, poses);
   std::vector<BesideLidar> others;
   for (std::size_t i = 1; i < lidars.size(); ++i)
-    others.push_back({Drive::open(root / lidars[i].drive), name_of_lidar(lidars[i]),
+    others.push_back({open_lidar(root, lidars[i].drive, {}), name_of_lidar(lidars[i]),
                       lidars[i].T_reference_lidar, std::llround(1e9 * lidars[i].time_offset_s)});
   for (const BesideLidar& lidar : others) {
     if (!lidar.drive.contents().lidars.empty() || !reference.contents().lidars.empty())

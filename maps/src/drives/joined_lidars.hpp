@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -11,6 +12,9 @@
 #include "drives/layout.hpp"
 
 namespace stillmap::maps {
+
+/// Of one vehicle, the reference among them.
+inline constexpr std::size_t kMostLidars = 16;
 
 /// A lidar beside the reference.
 struct BesideLidar {
@@ -34,7 +38,9 @@ struct BesideLidar {
 
 /// Whether a folder is a drive of several lidars (`lidar_set.hpp`).
 [[nodiscard]] bool is_lidar_set(const std::filesystem::path& root);
-/// @param poses  of the reference. @throws as `read_lidar_set`, `Drive::open` and `joined_lidars`.
+/// @param poses  of the reference.
+/// @throws InputError for a choice of the points' frame, which is made behind each drive, or a
+/// drive that leaves a choice; else as `read_lidar_set`, `Drive::open` and `joined_lidars`.
 [[nodiscard]] Drive::Contents open_lidar_set(const std::filesystem::path& root,
                                              const PosesChoice& poses);
 

@@ -74,8 +74,10 @@ Trajectory shifted(const Trajectory& trajectory, std::int64_t offset_ns, const f
 /// What to do about stamps that are wrong, beyond correcting them.
 std::string remedy_of_stamps(const Drive::Contents& contents) {
   const bool is_bag = is_recording(contents.layout) && contents.layout != DriveLayout::kRawlog;
-  return is_bag ? fmt::format("give '{}?stamps=recorded' for the recorder's times",
-                              contents.root.string())
+  return is_bag ? fmt::format(
+                      "add stamps=recorded behind the drive's path, as in "
+                      "'{}?stamps=recorded', for the recorder's times",
+                      contents.root.string())
                 : "correct their times";
 }
 

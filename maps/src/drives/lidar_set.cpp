@@ -6,11 +6,12 @@
 
 #include <utility>
 
+#include "drives/joined_lidars.hpp"
+
 namespace stillmap::maps {
 namespace {
 
 constexpr const char* kFormat = "stillmap-lidars";
-constexpr std::size_t kMostLidars = 16;
 constexpr double kMostOffsetS = 1.0;
 
 /// A drive may come with an upload: no name leads out of its folder.

@@ -3,7 +3,9 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/lidar_set.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 
+#include <cmath>
 #include <limits>
 
 #include "scan_bytes.hpp"
@@ -132,6 +134,24 @@ TEST_F(LidarSet, RefusesClocksThatDoNotMeetAndASensorForAll) {
   EXPECT_THAT([&] { (void)open(); }, ThrowsSaying<InputError>({"array of 1", "2 to 16"}));
 }
 
+TEST_F(LidarSet, HasItsChoicesBehindEachDrive) {
+  for (const char* words : {"?points=map", "?points=sensor"})
+    EXPECT_THAT([&] { (void)Drive::open(folder_.path().string() + words); },
+                ThrowsSaying<InputError>({"points= behind a drive of several lidars",
+                                          "behind each drive's name in lidars.json"}));
+  // Nobody could answer what a bag in the set asks.
+  folder_.write("two.mcap", test::bag_of_two_clouds());
+  MountedLidar two = rear();
+  two.drive = "two.mcap?poses=none";
+  write({{"front"}, two});
+  const auto opened = [&] { (void)open(); };
+  EXPECT_THAT(opened, ThrowsSaying<InputError>({"lidars.json",
+                                                "'two.mcap?poses=none', which leaves a "
+                                                "choice",
+                                                "\"two.mcap?cloud=/cloud1\""}));
+  EXPECT_THAT(opened, ::testing::Not(::testing::Throws<ChoiceError>()));
+}
+
 TEST(LidarSetText, IsReadBack) {
   const test::TemporaryFolder folder;
   MountedLidar tilted = rear();
@@ -183,6 +203,91 @@ TEST(TwoCloudsOfABag, WithoutTfSayHowToFindTheirMounts) {
                                               {"run.mcap?cloud=/rear", rear().T_reference_lidar}}));
   EXPECT_THAT(Drive::open(folder.path()).contents().lidars,
               ElementsAre("run.mcap?cloud=/front", "run.mcap?cloud=/rear"));
+}
+
+TEST(TwoCloudsOfABag, InAFolderHaveTheirMountsBesideIt) {
+  const test::TemporaryFolder folder;
+  folder.write("day/run/run_0.mcap", two_clouds(false));
+  const std::string day = (folder.path() / "day").string();
+  for (const char* end : {"", "/"})
+    EXPECT_THAT([&] { (void)Drive::open(day + "/run" + end + "?cloud=/front,/rear"); },
+                ThrowsSaying<InputError>({"-o '" + day + "/lidars.json', and give '" + day + "'"}));
+  folder.write("day/lidars.json", lidar_set_text({{"run?cloud=/front"},
+                                                  {"run?cloud=/rear", rear().T_reference_lidar}}));
+  EXPECT_EQ(Drive::open(day).contents().lidars.size(), 2U);
+}
+
+TEST(TwoCloudsOfABag, AreNamedOnceEachAndNotTooMany) {
+  const test::TemporaryFolder folder;
+  const std::string bag = folder.write("run.mcap", two_clouds(true)).string();
+  std::string many = "/front";
+  for (int i = 0; i < 16; ++i) many += ",/rear" + std::to_string(i);
+  for (const std::string& topics : {std::string("/front,/front"), std::string("/front,"), many})
+    EXPECT_THAT([&] { (void)Drive::open(bag + "?cloud=" + topics); },
+                ThrowsSaying<InputError>({"'cloud=/front,", "2 to 16", "each once"}));
+}
+
+TEST(TwoCloudsOfABag, SayWhatIsLeftOutOfTheSecond) {
+  const test::TemporaryFolder folder;
+  std::string records = McapBytes::schema(1, "sensor_msgs/msg/PointCloud2") +
+                        McapBytes::channel(1, 1, "/front") + McapBytes::channel(2, 1, "/rear");
+  constexpr std::int64_t kEpochNs = 1'700'000'000'000'000'000;
+  for (std::int64_t i = 0; i < 6; ++i) {
+    const std::int64_t at_ns = kEpochNs + i * 100'000'000;
+    // The rear lidar has no time at first.
+    const auto recorded_ns = static_cast<std::uint64_t>(at_ns);
+    records += McapBytes::message(1, test::one_point(at_ns, 7.0F), recorded_ns) +
+               McapBytes::message(2, test::one_point(i < 2 ? i : at_ns, 5.0F), recorded_ns);
+  }
+  records += McapBytes::message(2, "cut");
+  const std::string bag = folder.write("run.mcap", McapBytes().add(records).finished()).string();
+  const std::vector<std::string> notes =
+      Drive::open(bag + "?cloud=/front,/rear&stamps=header").contents().notes;
+  EXPECT_THAT(notes, Contains(HasSubstr("/rear: 1 messages of /rear cannot be read")));
+  EXPECT_THAT(notes, Contains(HasSubstr("/rear: 2 scans left out, whose stamps are of another")));
+  // What is said of the bag is said once.
+  const Drive by_recorder = Drive::open(bag + "?cloud=/front,/rear&stamps=recorded");
+  EXPECT_THAT(by_recorder.contents().notes,
+              ::testing::Not(Contains(HasSubstr("/rear: stamps are"))));
+}
+
+/// A sweep of one packet, whose first laser sees something at 10 m.
+std::string velodyne_sweep(std::uint8_t model, std::int64_t stamp_ns, const std::string& frame) {
+  std::string packet(1206, '\0');
+  for (std::size_t block = 0; block < 12; ++block) packet.replace(block * 100, 2, "\xff\xee");
+  packet.replace(4, 2, "\x88\x13");
+  packet[1204] = '\x37';
+  packet[1205] = static_cast<char>(model);
+  test::MessageBytes message;
+  message.header(stamp_ns, frame).put(std::uint32_t{1});
+  message.put(static_cast<std::int32_t>(stamp_ns / 1'000'000'000));
+  message.put(static_cast<std::uint32_t>(stamp_ns % 1'000'000'000));
+  for (const char byte : packet) message.put(byte);
+  return message.str();
+}
+
+TEST(TwoVelodynesOfABag, HaveACalibrationEachWhereItFits) {
+  const test::TemporaryFolder folder;
+  std::string records = McapBytes::schema(1, "velodyne_msgs/msg/VelodyneScan") +
+                        McapBytes::channel(1, 1, "/vlp16") + McapBytes::channel(2, 1, "/hdl32");
+  for (std::int64_t i = 0; i < 3; ++i)
+    records += McapBytes::message(1, velodyne_sweep(0x22, i * 100'000'000, "lidar")) +
+               McapBytes::message(2, velodyne_sweep(0x21, i * 100'000'000, "lidar"));
+  const std::string bag = folder.write("run.mcap", McapBytes().add(records).finished()).string();
+  std::string calibration;
+  for (int i = 0; i < 16; ++i)
+    calibration += "- laser_id: " + std::to_string(i) + "\n  vert_correction: 0.25\n";
+  folder.write("16.yaml", calibration);
+  const Drive drive = Drive::open(bag + "?cloud=/vlp16,/hdl32&calibration=16.yaml");
+  const PointCloud cloud = drive.read(1).cloud;
+  ASSERT_EQ(cloud.size(), 2U);
+  EXPECT_NEAR(cloud.positions[0].z(), 10.0 * std::sin(0.25), 1e-3);
+  EXPECT_NEAR(cloud.positions[1].z(), 10.0 * std::sin(-30.67 * M_PI / 180.0), 2e-2);
+  EXPECT_THAT(drive.contents().notes,
+              Contains(HasSubstr("/hdl32: 16.yaml has 16 lasers and is not used for /hdl32")));
+  // One lidar alone has to be that of the calibration.
+  EXPECT_THAT([&] { (void)Drive::open(bag + "?cloud=/hdl32&calibration=16.yaml").read(0); },
+              ThrowsSaying<InputError>({"a calibration of 16 lasers"}));
 }
 
 }  // namespace joined_lidars_test

@@ -717,7 +717,7 @@ TEST_F(BagDrive, OffersAndTakesTheRecordersTimesOfScans) {
   for (int i = 0; i < 4; ++i) add("/points", kCloudType, one_point(0, static_cast<float>(i + 1)));
   add_odometry();
   expect_error(
-      {"the stamp 0.000 s for all 4 scans", "run.mcap?stamps=recorded' for the recorder's"});
+      {"the stamp 0.000 s for all 4 scans", "add stamps=recorded", "run.mcap?stamps=recorded'"});
   const maps::Drive drive = open("?stamps=recorded");
   EXPECT_THAT(drive.contents().stamps_ns,
               ElementsAre(kStart, kStart + kStep, kStart + 2 * kStep, kStart + 3 * kStep));
@@ -752,23 +752,48 @@ TEST_F(BagDrive, TakesACalibrationOnlyFromItsOwnFolder) {
     folder_.write("bag/topics.txt", "calibration=" + name + "\n");
     EXPECT_THAT([&] { (void)maps::Drive::open(bag); }, refused);
   }
+  // It is found, but clouds have no use for it.
   folder_.write("bag/topics.txt", "calibration=front.yaml\n");
-  EXPECT_EQ(maps::Drive::open(bag).size(), 4U);
-  EXPECT_EQ(maps::Drive::open(bag + "/run.mcap?calibration=front.yaml").size(), 4U);
+  const auto unused = ThrowsSaying<maps::InputError>(
+      {"calibration= for clouds on /points of sensor_msgs/msg/PointCloud2", "leave out"});
+  EXPECT_THAT([&] { (void)maps::Drive::open(bag); }, unused);
+  EXPECT_THAT([&] { (void)maps::Drive::open(bag + "/run.mcap?calibration=front.yaml"); }, unused);
+}
+
+TEST_F(BagDrive, KeepsAChoiceThatIsWrongWithOneTopicOfClouds) {
+  EXPECT_EQ(open("?cloud=/points").size(), 4U);
+  for (const char* words :
+       {"?cloud=/point", "?poses=/odom", "?imu=/nope", "?gnss=/fix", "?calibration=none.yaml",
+        "?cloud=/points,/points", "?cloud=/points,"}) {
+    const auto opened = [&] { (void)open(words); };
+    EXPECT_THAT(opened, ::testing::Throws<maps::ChoiceError>()) << words;
+  }
+}
+
+/// Of one point.
+std::string livox_cloud(int i, std::uint8_t lidar) {
+  test::MessageBytes cloud;
+  cloud.header(kStart + i * kStep, "livox").put(static_cast<std::uint64_t>(kStart + i * kStep));
+  cloud.put(std::uint32_t{1}).put(lidar);
+  for (int reserve = 0; reserve < 3; ++reserve) cloud.put(std::uint8_t{0});
+  cloud.put(std::uint32_t{1}).put(std::uint32_t{20'000'000});
+  cloud.put(static_cast<float>(i + 1)).put(0.0F).put(0.0F);
+  cloud.put(std::uint8_t{9}).put(std::uint8_t{0}).put(std::uint8_t{3});
+  return cloud.str();
+}
+
+TEST_F(BagDrive, RefusesCloudsOfSeveralLivoxOnOneTopic) {
+  messages_.clear();
+  for (int i = 0; i < 4; ++i)
+    add("/livox/lidar", "livox_ros_driver/msg/CustomMsg",
+        livox_cloud(i, static_cast<std::uint8_t>(i % 2)));
+  expect_error({"clouds of lidars 0, 1 on /livox/lidar", "one lidar", "multi_topic 1"});
 }
 
 TEST_F(BagDrive, ReadsCloudsOfLivox) {
   messages_.clear();
-  for (int i = 0; i < 2; ++i) {
-    test::MessageBytes cloud;
-    cloud.header(kStart + i * kStep, "livox").put(static_cast<std::uint64_t>(kStart + i * kStep));
-    cloud.put(std::uint32_t{1}).put(std::uint8_t{0});
-    for (int reserve = 0; reserve < 3; ++reserve) cloud.put(std::uint8_t{0});
-    cloud.put(std::uint32_t{1}).put(std::uint32_t{20'000'000});
-    cloud.put(static_cast<float>(i + 1)).put(0.0F).put(0.0F);
-    cloud.put(std::uint8_t{9}).put(std::uint8_t{0}).put(std::uint8_t{3});
-    add("/livox/lidar", "livox_ros_driver2/msg/CustomMsg", cloud.str());
-  }
+  for (int i = 0; i < 2; ++i)
+    add("/livox/lidar", "livox_ros_driver2/msg/CustomMsg", livox_cloud(i, 3));
   const maps::Drive drive = open();
   EXPECT_EQ(drive.contents().entries.fields.front(), "offset_time u32");
   EXPECT_THAT(drive.read(1).cloud.positions, ElementsAre(Eigen::Vector3f(2, 0, 0)));
@@ -930,6 +955,25 @@ TEST_F(RegisteredClouds, AreToldFromCloudsThatOnlyNameAFixedFrame) {
               Contains(HasSubstr("taken as points of the sensor (scans overlap by 0 % so, and by "
                                  "100 %")));
   EXPECT_EQ(open("?points=map").read(4).cloud.positions[0].x(), 0.0F);
+}
+
+TEST_F(RegisteredClouds, OfOtherFramesAreTakenAsChosen) {
+  add_clouds("base_link");
+  add_path("/odom", "odom", "base_link");
+  const maps::Drive drive = open("?points=map");
+  expect_points_of_the_sensor(drive);
+  EXPECT_THAT(drive.contents().notes,
+              Contains("points of /points are taken in the frame of the poses, as was chosen"));
+}
+
+TEST_F(RegisteredClouds, AreNotJoinedWithOthers) {
+  add_clouds("odom");
+  add_path("/odom", "odom", "base_link");
+  for (int i = 0; i < 5; ++i) clouds("/rear", i, "odom");
+  expect_error({"registered clouds on /points, one of several topics", "cloud=TOPIC"},
+               "?cloud=/points,/rear&points=map");
+  expect_error({"registered clouds on /points, one of several topics", "cloud=TOPIC"},
+               "?cloud=/points,/rear");
 }
 
 TEST_F(RegisteredClouds, AreNotSeenInWhatMovesOnTheSensorItself) {
