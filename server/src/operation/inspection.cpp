@@ -6,6 +6,9 @@
 #include <stillmap/maps/sensor_preset.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 
 namespace stillmap::server {
@@ -29,6 +32,7 @@ std::string topic_of(const maps::Drive::Contents& contents) {
   if (contents.layout != kMcap && contents.layout != kRosbag2 && contents.layout != kRosbag1 &&
       contents.layout != kRawlog)
     return {};
+  if (!contents.lidars.empty()) return fmt::format("{}", fmt::join(contents.lidars, ","));
   std::string topic = contents.entries.topic;
   for (const maps::SensorPreset& sensor : maps::sensor_presets()) {
     const std::string suffix = " " + std::string(sensor.name);
