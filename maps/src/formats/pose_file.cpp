@@ -309,17 +309,14 @@ PoseFile read_dump(const fs::path& folder) {
     poses.format = "glim";
     return poses;
   }
-  const std::vector<fs::path> keyframes = hdl_keyframe_folders(folder);
+  const std::vector<HdlKeyframe> keyframes = read_hdl_keyframes(folder);
   if (keyframes.empty())
     throw InputError(
         folder.string(), "a folder",
         "a file of poses, or the folder of a dump: of hdl_graph_slam with 000000/data, "
         "of GLIM with traj_lidar.txt");
   std::vector<StampedPose> stamped;
-  for (const fs::path& keyframe : keyframes)
-    stamped.push_back(read_hdl_keyframe(keyframe / "data"));
-  std::sort(stamped.begin(), stamped.end(),
-            [](const StampedPose& a, const StampedPose& b) { return a.stamp_ns < b.stamp_ns; });
+  for (const HdlKeyframe& keyframe : keyframes) stamped.push_back(keyframe.pose);
   const auto same =
       std::adjacent_find(stamped.begin(), stamped.end(),
                          [](const auto& a, const auto& b) { return a.stamp_ns == b.stamp_ns; });

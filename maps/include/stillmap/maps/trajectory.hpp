@@ -46,7 +46,8 @@ class Trajectory {
 /// other formats.
 [[nodiscard]] std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& file);
 
-/// TUM: `stamp tx ty tz qx qy qz qw` a line, as `read_pose_file` reads it; empty for an empty file.
+/// TUM: `stamp tx ty tz qx qy qz qw` a line, as `read_pose_file` reads it.
+/// @return an empty path for an empty file.
 /// @throws InputError naming file, line and value, also for other formats.
 [[nodiscard]] Trajectory read_tum_trajectory(const std::filesystem::path& file);
 
