@@ -217,8 +217,14 @@ def make_packages(put):
     put("trajectory", "times", "0.0\n1.036000e-01\n0.2\n")
     put("trajectory", "csv", "timestamp_ns,x,y,z,qw,qx,qy,qz\n1700000000123456789,1,2,3,1,0,0,0\n")
     put("trajectory", "angles", "frame;x;y;z;roll_deg;pitch_deg;yaw_deg\n3;1;2;3;0;5;90\n")
+    put("trajectory", "header_of_fewer", "# x y z roll pitch yaw\n1700000010 0 0 0 0 0 0\n")
+    put("trajectory", "header_of_more", "# x y z qx qy qz qw\n1 2\n")
+    put("trajectory", "units", "# time [s] tx [m] ty [m] tz [m] qw [-] qx [-] qy [-] qz [-]\n1 1 2 3 1 0 0 0\n")
+    put("trajectory", "two_stamps", "header.stamp.sec,header.stamp.nanosec,x,y,z,qx,qy,qz,qw,note\n17,5,1,2,3,0,0,0,1,\n")
     put("trajectory", "kitti360", "7 1 0 0 0 0 1 0 0 0 0 1 0\n9 0.8 -0.6 0 1.5 0.6 0.8 0 2e-1 0 0 1 -3 0 0 0 1\n")
     put("trajectory", "g2o", "VERTEX_SE3:QUAT 0 1 2 3 0 0 0 1\nEDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1\n")
+    put("trajectory", "imu", "stamp_ns,wx,wy,wz,ax,ay,az\n1700000000000000000,0.1,-0.2,0.3,0,0,9.8\n"
+        "1700000000010000000,0.1,-0.2,0.3,0,0,9.8\n")
     put("trajectory", "hdl", "stamp 1700000000 5\nestimate\n1 0 0 4\n0 1 0 5\n0 0 1 6\n0 0 0 1\nid 7\n")
     put("trajectory", "nmea", "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\n"
         "$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A\n")

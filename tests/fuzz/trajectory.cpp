@@ -1,8 +1,10 @@
-// Poses of any kind of file, key frames of hdl_graph_slam, NMEA logs, and stamps of a drive.
+// Poses of any kind of file, key frames of hdl_graph_slam, NMEA logs, readings of an IMU,
+// and stamps of a drive.
 #include "fuzz_folder.hpp"
 #include "fuzz_target.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/imu.hpp>
 #include <stillmap/maps/pose_file.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
@@ -50,5 +52,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require_rigid(pose->T_map_lidar);
   static_cast<void>(fuzz::taken<maps::InputError>(
       [&] { return maps::read_nmea(file, 0, [](const maps::NmeaFix&) {}); }));
+  static_cast<void>(fuzz::taken<maps::InputError>([&] { return maps::read_imu_csv(file); }));
   return 0;
 }

@@ -4,7 +4,6 @@
 // METRES, times within 0.3 ms.
 #include <stillmap/maps/drive.hpp>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -23,10 +22,14 @@ bool same_bits(const std::vector<Value>& a, const std::vector<Value>& b) {
          (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Value)) == 0);
 }
 
+/// NaN where one is.
 double farthest_m(const maps::PointCloud& a, const maps::PointCloud& b) {
   double most = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    most = std::max(most, static_cast<double>((a.positions[i] - b.positions[i]).norm()));
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const auto apart_m = static_cast<double>((a.positions[i] - b.positions[i]).norm());
+    if (!(apart_m <= most)) most = apart_m;
+    if (std::isnan(most)) break;
+  }
   return most;
 }
 
@@ -37,10 +40,12 @@ std::string difference_within(double most_m, const maps::Drive& a, const maps::D
     const maps::PointCloud cloud_a = a.read(scan).cloud, cloud_b = b.read(scan).cloud;
     if (cloud_a.size() != cloud_b.size())
       return std::to_string(cloud_a.size()) + " and " + std::to_string(cloud_b.size()) + " points";
-    if (const double apart_m = farthest_m(cloud_a, cloud_b); apart_m > most_m)
+    if (const double apart_m = farthest_m(cloud_a, cloud_b); !(apart_m <= most_m))
       return "points that are " + std::to_string(apart_m) + " m apart";
+    if (cloud_a.time_offsets_s.size() != cloud_b.time_offsets_s.size())
+      return "that one has times of points";
     for (std::size_t i = 0; i < cloud_a.time_offsets_s.size(); ++i)
-      if (std::abs(cloud_a.time_offsets_s[i] - cloud_b.time_offsets_s.at(i)) > 3e-4F)
+      if (!(std::abs(cloud_a.time_offsets_s[i] - cloud_b.time_offsets_s[i]) <= 3e-4F))
         return "times of point " + std::to_string(i);
   }
   return {};

@@ -187,7 +187,9 @@ class CloudImport {
             "coordinates of '{}', which is no UTM, are taken as they are", summary.coordinates));
       return;
     }
-    const maps::GeodeticOrigin place = place_of(middle);
+    const maps::GeodeticOrigin place =
+        place_of([&] { return maps::geodetic_of(middle, *frame_.utm); },
+                 "coordinates of this zone: check --utm");
     if (frame_.place)
       check_distance(*frame_.place, place);
     else
@@ -208,14 +210,33 @@ class CloudImport {
     const maps::AutowareMap& map = *autoware_;
     if (!map.heights.empty())
       take_as_wgs84(fmt::format("heights of '{}'", map.heights), "above the WGS 84 ellipsoid");
+    if (!map.grid && map.origin && frame_.place) check_same_place(*map.origin, *frame_.place);
     if (!frame_.place) frame_.place = map.origin;
     if (!map.grid) return;
-    const maps::GeodeticOrigin place = place_in(middle, *map.grid);
+    const maps::GeodeticOrigin place =
+        place_of([&] { return maps::place_in_grid(middle, *map.grid); },
+                 "coordinates of its projector: check map_projector_info.yaml");
     if (frame_.place)
       check_distance(*frame_.place, place);
     else
       frame_.place = place;
     frame_.projection.emplace(*frame_.place, *map.grid);
+  }
+
+  /// Coordinates of LocalCartesian count from `map_origin`: another place would move the map. The
+  /// altitude is not the file's to say.
+  void check_same_place(const maps::GeodeticOrigin& of_file,
+                        const maps::GeodeticOrigin& given) const {
+    constexpr double kSameDeg = 1e-7;
+    if (std::abs(of_file.latitude_deg - given.latitude_deg) <= kSameDeg &&
+        std::abs(of_file.longitude_deg - given.longitude_deg) <= kSameDeg)
+      return;
+    throw maps::InputError(
+        file_.string(),
+        fmt::format("map_origin {}, {} of LocalCartesian, and --geo-origin {}, {}",
+                    of_file.latitude_deg, of_file.longitude_deg, given.latitude_deg,
+                    given.longitude_deg),
+        "one place: leave --geo-origin out, or correct map_projector_info.yaml");
   }
 
   void take_as_wgs84(const std::string& what, const std::string& as) {
@@ -249,21 +270,12 @@ class CloudImport {
            name.starts_with("epsg:326") || name.starts_with("epsg:327");
   }
 
-  [[nodiscard]] maps::GeodeticOrigin place_of(const Eigen::Vector3d& p_utm) const {
+  template <typename Find>
+  [[nodiscard]] maps::GeodeticOrigin place_of(const Find& find, const char* remedy) const {
     try {
-      return maps::geodetic_of(p_utm, *frame_.utm);
+      return find();
     } catch (const std::invalid_argument& error) {
-      throw maps::InputError(file_.string(), error.what(), "coordinates of this zone: check --utm");
-    }
-  }
-
-  [[nodiscard]] maps::GeodeticOrigin place_in(const Eigen::Vector3d& p_grid,
-                                              const maps::MercatorGrid& grid) const {
-    try {
-      return maps::place_in_grid(p_grid, grid);
-    } catch (const std::invalid_argument& error) {
-      throw maps::InputError(file_.string(), error.what(),
-                             "coordinates of its projector: check map_projector_info.yaml");
+      throw maps::InputError(file_.string(), error.what(), remedy);
     }
   }
 

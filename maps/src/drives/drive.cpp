@@ -210,8 +210,13 @@ Drive Drive::open(const std::filesystem::path& root,
   if (!contents.lidars.empty() && !address.sensor.empty())
     throw InputError(root.string(), "'sensor=" + address.sensor + "' for several lidars",
                      "a sensor for each: write ?sensor=NAME behind each drive in lidars.json");
-  if (pose_offset_ns != 0 && !contents.poses_have_stamps && !contents.T_map_lidar.empty())
+  if (pose_offset_ns != 0 && !contents.poses_have_stamps && !contents.T_map_lidar.empty()) {
+    if (contents.points_from_map)
+      throw InputError(root.string(),
+                       "--pose-time-offset for VIEWPOINTs of points in the frame of the map",
+                       "no offset, since each file has the pose of its points: leave it out");
     shift_poses_of_scans(contents, pose_offset_ns);
+  }
   if (choice.points == PointsFrame::kMap && !contents.points_from_map)
     read_points_from_map(contents);
   Drive drive(std::move(contents));

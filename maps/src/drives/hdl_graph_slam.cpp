@@ -2,39 +2,23 @@
 
 #include <stillmap/maps/error.hpp>
 
-#include <algorithm>
 #include <utility>
 #include <vector>
 
 #include "formats/hdl_keyframe.hpp"
 
 namespace stillmap::maps {
-namespace {
 
 namespace fs = std::filesystem;
-
-/// A key frame with its folder.
-struct StoredKeyframe {
-  StampedPose pose;
-  fs::path folder;
-};
-
-}  // namespace
 
 bool is_hdl_graph_slam(const fs::path& root) { return !hdl_keyframe_folders(root).empty(); }
 
 Drive::Contents open_hdl_graph_slam(const fs::path& root, const PosesChoice& choice) {
-  std::vector<StoredKeyframe> keyframes;
-  for (const fs::path& folder : hdl_keyframe_folders(root))
-    keyframes.push_back({read_hdl_keyframe(folder / "data"), folder});
-  // The numbers of the folders are those of the graph, which need not follow time.
-  std::stable_sort(keyframes.begin(), keyframes.end(),
-                   [](const auto& a, const auto& b) { return a.pose.stamp_ns < b.pose.stamp_ns; });
   Drive::Contents contents;
   contents.layout = DriveLayout::kHdlGraphSlam;
   contents.root = root;
   std::vector<Eigen::Isometry3d> estimates;
-  for (const StoredKeyframe& keyframe : keyframes) {
+  for (const HdlKeyframe& keyframe : read_hdl_keyframes(root)) {
     contents.scan_files.push_back(keyframe.folder / "cloud.pcd");
     contents.stamps_ns.push_back(keyframe.pose.stamp_ns);
     estimates.push_back(keyframe.pose.T_map_lidar);

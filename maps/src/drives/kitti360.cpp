@@ -17,20 +17,35 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The first line with this key before 12 numbers; without a key, the first line.
-Eigen::Isometry3d read_rigid(const fs::path& file, std::string_view key) {
-  const std::string text = read_text(file);
+/// The first line with this key before its numbers, without the key; without one, the first line.
+NumberLine line_with(const fs::path& file, const std::string& text, std::string_view key) {
   for (NumberLine& line : number_lines(text)) {
     if (!key.empty()) {
       if (line.fields.front() != key) continue;
       line.fields.erase(line.fields.begin());
     }
-    Eigen::Isometry3d T = parse_kitti_pose(file, line);
-    check_lever_arm(T.translation(), file);
-    return T;
+    return line;
   }
   throw InputError(file.string(), "no line " + std::string(key.empty() ? "of numbers" : key),
-                   "12 numbers, as KITTI-360 has them: copy its calibration folder");
+                   "one, as KITTI-360 has it: copy its calibration folder");
+}
+
+Eigen::Isometry3d read_rigid(const fs::path& file, std::string_view key) {
+  const std::string text = read_text(file);
+  Eigen::Isometry3d T = parse_kitti_pose(file, line_with(file, text, key));
+  check_lever_arm(T.translation(), file);
+  return T;
+}
+
+/// Turns the left camera to the one whose images are rectified.
+Eigen::Isometry3d read_rectification(const fs::path& file) {
+  const std::string text = read_text(file);
+  const NumberLine line = line_with(file, text, "R_rect_00:");
+  std::array<double, 9> n{};
+  parse_finite(file, line, n);
+  return pose_of_matrix(
+      file, line.line,
+      std::array{n[0], n[1], n[2], 0.0, n[3], n[4], n[5], 0.0, n[6], n[7], n[8], 0.0});
 }
 
 }  // namespace
@@ -50,15 +65,19 @@ std::optional<Eigen::Isometry3d> lidar_of_kitti360_poses(const fs::path& poses_f
   if (data_poses.filename() != "data_poses" || (!is_of_camera && file.filename() != "poses.txt"))
     return std::nullopt;
   const fs::path calibration = data_poses.parent_path() / "calibration";
-  for (const char* const name : {"calib_cam_to_velo.txt", "calib_cam_to_pose.txt"})
+  const char* const of_pose = is_of_camera ? "perspective.txt" : "calib_cam_to_pose.txt";
+  for (const char* const name : {"calib_cam_to_velo.txt", of_pose})
     if (!fs::exists(calibration / name))
       throw InputError((calibration / name).string(), "no file",
                        "KITTI-360's calibration, which brings its poses to the lidar: copy the "
-                       "folder calibration beside data_poses");
+                       "folder calibration beside data_poses" +
+                           std::string(is_of_camera ? ", or give poses.txt" : ""));
   const Eigen::Isometry3d T_lidar_cam = read_rigid(calibration / "calib_cam_to_velo.txt", "");
   const Eigen::Isometry3d T_cam_lidar = T_lidar_cam.inverse();
-  if (is_of_camera) return T_cam_lidar;
-  return renormalized(read_rigid(calibration / "calib_cam_to_pose.txt", "image_00:") * T_cam_lidar);
+  const Eigen::Isometry3d T_pose_cam = is_of_camera
+                                           ? read_rectification(calibration / of_pose)
+                                           : read_rigid(calibration / of_pose, "image_00:");
+  return renormalized(T_pose_cam * T_cam_lidar);
 }
 
 }  // namespace stillmap::maps

@@ -206,42 +206,93 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& own, const
   return kept.front() > 0;
 }
 
-void set_numbered_poses(Drive::Contents& contents, const PoseFile& poses,
-                        const fs::path& poses_file, std::int64_t offset_ns) {
+namespace {
+
+/// Numbers of the scans in their names or their bag; nothing where one has none.
+std::optional<std::vector<std::size_t>> numbers_of_scans(const Drive::Contents& contents) {
+  if (!contents.entries.numbers.empty()) return contents.entries.numbers;
+  std::vector<std::size_t> numbers;
+  for (const fs::path& file : contents.scan_files) {
+    const auto number = number_of(file);
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
+  }
+  return numbers;
+}
+
+/// Whether as many numbers differ from those of the scans by one constant.
+bool are_shifted(const std::vector<std::size_t>& of_scans, const std::vector<std::size_t>& sorted) {
+  if (of_scans.size() != sorted.size()) return false;
+  for (std::size_t i = 0; i < sorted.size(); ++i)
+    if (sorted[i] - of_scans[i] != sorted[0] - of_scans[0]) return false;
+  return true;
+}
+
+/// The pose of each scan, as an index into `poses`, by the numbers; in order where these are none
+/// of the scans', or all are shifted.
+std::vector<std::optional<std::size_t>> poses_by_number(Drive::Contents& contents,
+                                                        const PoseFile& poses,
+                                                        const std::string& name) {
   std::map<std::size_t, std::size_t> pose_of_number;
   for (std::size_t i = 0; i < poses.numbers.size(); ++i) pose_of_number[poses.numbers[i]] = i;
   const std::size_t scans = contents.scan_files.size();
+  const auto numbers = numbers_of_scans(contents);
+  std::vector<std::optional<std::size_t>> found(scans);
+  std::size_t matches = 0;
+  for (std::size_t i = 0; numbers && i < scans; ++i) {
+    const auto pose = pose_of_number.find((*numbers)[i]);
+    if (pose == pose_of_number.end()) continue;
+    found[i] = pose->second;
+    ++matches;
+  }
+  if (matches == scans || pose_of_number.size() != scans) return found;
+  std::vector<std::size_t> sorted;
+  for (const auto& [number, pose] : pose_of_number) sorted.push_back(number);
+  if (matches > 0 && !are_shifted(*numbers, sorted)) return found;
+  contents.notes.push_back(
+      fmt::format("the numbers in {}, {} to {}, are not those of the scans: as many poses as scans "
+                  "are assigned in order",
+                  name, sorted.front(), sorted.back()));
+  for (std::size_t i = 0; i < scans; ++i) found[i] = pose_of_number.at(sorted[i]);
+  return found;
+}
+
+void set_numbered_poses(Drive::Contents& contents, const PoseFile& poses,
+                        const fs::path& poses_file, std::int64_t offset_ns) {
+  const std::string name = poses_file.filename().string();
+  const auto found = poses_by_number(contents, poses, name);
   std::vector<StampedPose> path;
-  for (std::size_t i = 0; i < scans; ++i) {
-    const std::optional<std::size_t> number = contents.entries.numbers.empty()
-                                                  ? number_of(contents.scan_files[i])
-                                                  : contents.entries.numbers[i];
-    const auto found = number ? pose_of_number.find(*number) : pose_of_number.end();
-    if (found != pose_of_number.end())
-      path.push_back({contents.stamps_ns[i], poses.poses[found->second]});
-  }
-  // Scans without numbers in their names, or numbers of a graph's own: one after the other.
-  if (path.size() < scans && pose_of_number.size() == scans) {
-    path.clear();
-    for (const auto& [number, pose] : pose_of_number)
-      path.push_back({contents.stamps_ns[path.size()], poses.poses[pose]});
-  }
-  if (path.empty())
+  for (std::size_t i = 0; i < found.size(); ++i)
+    if (found[i]) path.push_back({contents.stamps_ns[i], poses.poses[*found[i]]});
+  if (path.empty()) {
+    const auto [least, most] = std::minmax_element(poses.numbers.begin(), poses.numbers.end());
     throw InputError(
-        poses_file.string(),
-        fmt::format("poses of scans {} to {}",
-                    pose_of_number.empty() ? 0 : pose_of_number.begin()->first,
-                    pose_of_number.empty() ? 0 : pose_of_number.rbegin()->first),
+        poses_file.string(), fmt::format("poses of scans {} to {}", *least, *most),
         fmt::format("numbers of these scans, as in the name {}: give the poses of this drive",
                     contents.scan_files.front().filename().string()));
-  std::sort(path.begin(), path.end(),
-            [](const StampedPose& a, const StampedPose& b) { return a.stamp_ns < b.stamp_ns; });
+  }
+  std::stable_sort(path.begin(), path.end(), [](const StampedPose& a, const StampedPose& b) {
+    return a.stamp_ns < b.stamp_ns;
+  });
+  const auto same = std::unique(
+      path.begin(), path.end(),
+      [](const StampedPose& a, const StampedPose& b) { return a.stamp_ns == b.stamp_ns; });
+  if (const auto count = path.end() - same; count > 0)
+    contents.notes.push_back(fmt::format(
+        "{} poses in {} are left out, whose scans have the stamp of another scan", count, name));
+  path.erase(same, path.end());
   contents.counts_from_first_pose =
       set_poses_at_stamps(contents, Trajectory(std::move(path)), poses_file, offset_ns);
 }
 
+}  // namespace
+
 void set_poses(Drive::Contents& contents, const fs::path& poses_file, std::int64_t offset_ns) {
-  const PoseFile poses = read_pose_file(poses_file);
+  set_poses(contents, read_pose_file(poses_file), poses_file, offset_ns);
+}
+
+void set_poses(Drive::Contents& contents, const PoseFile& poses, const fs::path& poses_file,
+               std::int64_t offset_ns) {
   set_position_step(contents, poses.all());
   if (poses.has_stamps()) {
     contents.counts_from_first_pose =
@@ -249,6 +300,19 @@ void set_poses(Drive::Contents& contents, const fs::path& poses_file, std::int64
     return;
   }
   if (!poses.numbers.empty()) return set_numbered_poses(contents, poses, poses_file, offset_ns);
+  if (poses.format == "csv") {
+    // Its rows need not be those of scans, as KITTI's lines are.
+    if (poses.poses.size() != contents.scan_files.size())
+      throw InputError(
+          poses_file.string(),
+          fmt::format("{} poses without stamp or number of a scan", poses.poses.size()),
+          fmt::format("{}, one for each scan, or a column that says which: name it timestamp or "
+                      "frame",
+                      contents.scan_files.size()));
+    contents.notes.push_back(
+        fmt::format("poses in {} have neither stamp nor number: they are assigned in order",
+                    poses_file.filename().string()));
+  }
   contents.T_map_lidar.clear();
   for (const std::size_t line :
        lines_of_scans(contents.scan_files, poses.poses.size(), poses_file, "poses")) {

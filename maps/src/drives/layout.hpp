@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/pose_file.hpp>
 
 #include <cstdint>
 #include <filesystem>
@@ -70,10 +71,14 @@ bool set_poses_at_stamps(Drive::Contents& contents, const Trajectory& trajectory
 
 /// Gives the scans `T_map_lidar` from a file of poses (`read_pose_file`) instead of the layout's
 /// own: by stamps, by the numbers of scans (between two of them interpolated as by stamps), or in
-/// turn.
+/// turn. As many numbers as scans, of which none is a scan's or all are shifted by one constant,
+/// count in turn, which is noted.
 /// @param offset_ns  added to the stamps of the poses.
 void set_poses(Drive::Contents& contents, const std::filesystem::path& poses_file,
                std::int64_t offset_ns);
+/// The same of a file that was read. @param poses_file  for messages and notes.
+void set_poses(Drive::Contents& contents, const PoseFile& poses,
+               const std::filesystem::path& poses_file, std::int64_t offset_ns);
 
 /// A stamp with so much added. @throws InputError for `file` where that takes more than 64 bits.
 [[nodiscard]] std::int64_t shifted_stamp(std::int64_t stamp_ns, std::int64_t offset_ns,

@@ -15,8 +15,6 @@ namespace {
 
 /// From there on floats are 8 mm coarse.
 constexpr double kTooFarM = 65'536.0;
-/// Readings of scans that lie apart differ by 0.3 and more.
-constexpr double kClearlyMore = 0.1;
 
 void move_points(const Eigen::Isometry3d& T, PointCloud& cloud) {
   // In doubles: what lies in a map may lie far from its origin.
@@ -36,8 +34,8 @@ std::optional<PointsFrame> parse_points_frame(std::string_view word) {
 }
 
 std::optional<PointsFrame> PointsFrameOverlap::frame() const {
-  if (as_map > as_sensor + kClearlyMore) return PointsFrame::kMap;
-  if (as_sensor > as_map + kClearlyMore) return PointsFrame::kSensor;
+  if (as_map > as_sensor + kClearlyBetter) return PointsFrame::kMap;
+  if (as_sensor > as_map + kClearlyBetter) return PointsFrame::kSensor;
   return std::nullopt;
 }
 

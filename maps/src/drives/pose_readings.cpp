@@ -15,8 +15,6 @@ constexpr float kCellM = 0.4F;
 /// 20 bits of cells.
 constexpr float kFarthestM = 400'000.0F;
 constexpr std::size_t kMostPoints = 2000;
-/// Readings differ by 0.3 and more where scans lie a metre apart; noise by 0.02.
-constexpr double kClearlyBetter = 0.1;
 /// Than one that is met more.
 constexpr double kSurelyBetter = 0.01;
 

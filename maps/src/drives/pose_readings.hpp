@@ -24,6 +24,9 @@ struct PosedScan {
 [[nodiscard]] std::optional<PoseOverlap> compare_readings(
     const std::vector<std::array<PosedScan, 2>>& pairs, std::size_t least_pairs = 4);
 
+/// Shares of readings that differ by more tell them apart: they differ by 0.3 and more where scans
+/// lie a metre apart, and by 0.02 from noise.
+inline constexpr double kClearlyBetter = 0.1;
 /// Whether a reading is better than the given one beyond doubt.
 [[nodiscard]] bool is_better(double overlap, const PoseOverlap& given);
 

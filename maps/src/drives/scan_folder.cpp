@@ -58,18 +58,22 @@ std::vector<fs::path> folders_with_scans(const fs::path& root) {
   return folders;
 }
 
-std::optional<fs::path> folder_poses(const fs::path& root) {
+std::optional<fs::path> folder_poses(const fs::path& root, std::vector<std::string>& notes) {
   std::vector<fs::path> candidates = list_files(root, ".tum");
   if (fs::exists(root / "poses.txt")) candidates.push_back(root / "poses.txt");
+  std::vector<fs::path> others = list_files(root, ".g2o");
+  if (fs::exists(root / "poses.csv")) others.push_back(root / "poses.csv");
+  if (candidates.empty()) candidates.swap(others);
+  if (candidates.empty()) return std::nullopt;
   if (candidates.size() > 1) {
     throw InputError(
         root.string(),
         candidates.front().filename().string() + " and " + candidates.back().filename().string(),
         "one file of poses: name it with --poses FILE, or move the others away");
   }
-  if (candidates.empty() && fs::exists(root / "poses.csv")) return root / "poses.csv";
-  if (candidates.empty()) candidates = list_files(root, ".g2o");
-  if (candidates.empty()) return std::nullopt;
+  for (const fs::path& other : others)
+    notes.push_back(fmt::format("poses are those of {}, not of {} beside it",
+                                candidates.front().filename().string(), other.filename().string()));
   return candidates.front();
 }
 
@@ -138,16 +142,15 @@ Drive::Contents open_scan_folder(const fs::path& root, const PosesChoice& choice
   set_labels(contents);
   const bool with_stamps = set_stamps_from_names(contents);
   // Beside the scans when the folder around them has none, as in an archive of a drive's folder.
-  std::optional<fs::path> poses = choice.file ? choice.file : folder_poses(root);
-  if (!poses) poses = folder_poses(folders.front());
-  std::optional<PoseFile> without_stamps;
-  if (!with_stamps && poses) without_stamps = read_pose_file(*poses);
-  if (without_stamps && without_stamps->has_stamps()) {
-    set_stamps_and_poses(contents, without_stamps->stamped, *poses);
+  std::optional<fs::path> poses = choice.file ? choice.file : folder_poses(root, contents.notes);
+  if (!poses) poses = folder_poses(folders.front(), contents.notes);
+  const PoseFile read = poses ? read_pose_file(*poses) : PoseFile{};
+  if (!with_stamps && read.has_stamps()) {
+    set_stamps_and_poses(contents, read.stamped, *poses);
   } else {
     if (!with_stamps) assume_times(contents);
     if (poses)
-      set_poses(contents, *poses, choice.offset_ns);
+      set_poses(contents, read, *poses, choice.offset_ns);
     else
       set_poses_of_viewpoints(contents, choice.points);
   }

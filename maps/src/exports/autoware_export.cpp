@@ -9,6 +9,7 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "exports/exporters.hpp"
 #include "exports/file_coordinates.hpp"
@@ -59,21 +60,25 @@ class AutowareCoordinates {
  private:
   /// The only one that Autoware can use. @throws InputError where the map reaches into another.
   static std::string square_around(const MapPackage& map, const UtmProjection& utm) {
-    std::set<std::string> squares;
+    // By their corners: one square has two names where a band of latitude ends in it.
+    std::map<std::pair<double, double>, std::string> squares;
     for (const TileEntry& tile : point_tiles(map)) {
       for (const unsigned number : {0U, 1U, 2U, 3U}) {
         const Eigen::Vector3f corner((number & 1U) == 0 ? tile.min[0] : tile.max[0],
                                      (number & 2U) == 0 ? tile.min[1] : tile.max[1], tile.min[2]);
         const Eigen::Vector3d p_map = corner.cast<double>() + map.manifest().origin;
-        squares.insert(mgrs_name(utm.to_utm(p_map), utm.zone()));
+        const std::string name = mgrs_name(utm.to_utm(p_map), utm.zone());
+        const Eigen::Vector2d of_square = mgrs_square(name).corner;
+        squares.try_emplace({of_square.x(), of_square.y()}, name);
       }
     }
-    if (squares.size() != 1)
-      throw InputError(
-          map.folder().string(),
-          fmt::format("a map in {} squares of MGRS ({})", squares.size(), fmt::join(squares, ", ")),
-          "one square, as Autoware needs it: give --coordinates utm");
-    return *squares.begin();
+    if (squares.size() == 1) return squares.begin()->second;
+    std::vector<std::string> names;
+    for (const auto& [corner, name] : squares) names.push_back(name);
+    throw InputError(
+        map.folder().string(),
+        fmt::format("a map in {} squares of MGRS ({})", names.size(), fmt::join(names, ", ")),
+        "one square, as Autoware needs it: give --coordinates utm");
   }
 
   FileCoordinates coordinates_;

@@ -122,7 +122,7 @@ class Projector {
       throw InputError(file_.string(), "projector_type " + maps::quoted(map.projector),
                        "Local, LocalCartesian, LocalCartesianUTM, MGRS or TransverseMercator: "
                        "correct the line");
-    map.origin = origin();
+    map.origin = origin(map);
     map.place_text = fmt::format("{} {}", map.origin->latitude_deg, map.origin->longitude_deg);
     if (map.projector == "LocalCartesian") return;
     const GeodeticOrigin& zero = *map.origin;
@@ -180,9 +180,17 @@ class Projector {
                        "a number: correct the line");
     return *parsed;
   }
-  [[nodiscard]] GeodeticOrigin origin() const {
-    GeodeticOrigin origin{number("map_origin.latitude"), number("map_origin.longitude"), 0.0};
-    if (values_.contains("map_origin.altitude")) origin.altitude_m = number("map_origin.altitude");
+  [[nodiscard]] GeodeticOrigin origin(AutowareMap& map) const {
+    const GeodeticOrigin origin{number("map_origin.latitude"), number("map_origin.longitude"), 0.0};
+    const bool has_altitude = values_.contains("map_origin.altitude");
+    if (const double written_m = has_altitude ? number("map_origin.altitude") : 0.0;
+        written_m != 0.0)
+      map.notes.push_back(
+          fmt::format("map_origin.altitude {} is taken as 0, as Autoware takes it{}", written_m,
+                      map.projector == "LocalCartesian"
+                          ? fmt::format(": if heights count from it, give --geo-origin {},{},{}",
+                                        origin.latitude_deg, origin.longitude_deg, written_m)
+                          : ""));
     if (const auto broken = violations(origin); !broken.empty())
       throw InputError(file_.string(), "map_origin " + broken.front(),
                        "a place on the Earth: correct the lines");

@@ -66,6 +66,15 @@ std::vector<fs::path> hdl_keyframe_folders(const fs::path& root) {
   return folders;
 }
 
+std::vector<HdlKeyframe> read_hdl_keyframes(const fs::path& root) {
+  std::vector<HdlKeyframe> keyframes;
+  for (const fs::path& folder : hdl_keyframe_folders(root))
+    keyframes.push_back({read_hdl_keyframe(folder / "data"), folder});
+  std::stable_sort(keyframes.begin(), keyframes.end(),
+                   [](const auto& a, const auto& b) { return a.pose.stamp_ns < b.pose.stamp_ns; });
+  return keyframes;
+}
+
 StampedPose read_hdl_keyframe(const fs::path& file) {
   constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 20U;
   const std::string text = read_text(file, kMostBytes);

@@ -26,9 +26,8 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kKnownLines =
     "8 numbers (TUM: stamp tx ty tz qx qy qz qw), 12 (KITTI: the 3x4 matrix), 13 (the number of "
-    "the "
-    "scan before it), or a header that names columns, such as timestamp,x,y,z,qx,qy,qz,qw: write "
-    "one of these";
+    "the scan before it), or a header that names columns, such as timestamp,x,y,z,qx,qy,qz,qw: "
+    "write one of these";
 /// Smaller ones are numbers of scans.
 constexpr double kLeastStamp = 1e8;
 
@@ -48,10 +47,12 @@ class PoseLines {
       else
         take(*line, words.front());
     }
-    if (pose_file_.poses.empty())
-      throw InputError(file_.string(),
-                       skipped_ > 0 ? "a graph without VERTEX_SE3:QUAT" : "no poses",
-                       "poses as KITTI, TUM, CSV or g2o: give another file, or take it away");
+  }
+
+  void require_some() const {
+    if (!pose_file_.poses.empty()) return;
+    throw InputError(file_.string(), skipped_ > 0 ? "a graph without VERTEX_SE3:QUAT" : "no poses",
+                     "poses as KITTI, TUM, CSV or g2o: give another file, or take it away");
   }
 
   [[nodiscard]] PoseFile result() {
@@ -70,12 +71,12 @@ class PoseLines {
   /// A header may be a comment, as in EuRoC's files.
   void take_comment(std::string_view line) {
     if (kind_ != Kind::kUndecided) return;
-    const auto header = parse_pose_header(line);
-    if (header && !is_tum(*header)) set_header(*header, line);
+    const auto header = parse_pose_header(line, where());
+    if (header && !is_tum(*header)) columns_ = header;
   }
 
   static bool is_tum(const PoseColumns& header) {
-    return header.stamp == 0U && !header.stamp_unit && header.is_quaternion &&
+    return header.count == 8 && header.stamp == 0U && !header.stamp_unit && header.is_quaternion &&
            header.position == std::array<std::size_t, 3>{1, 2, 3} &&
            header.rotation == std::array<std::size_t, 4>{4, 5, 6, 7};
   }
@@ -88,9 +89,8 @@ class PoseLines {
       } else {
         separator_ = separator_of(line);
         const auto cells = split_cells(line, separator_);
-        // A byte order mark and letters are no number.
         if (!columns_ && !cells.empty() && !parse_number(cells.front())) return take_header(line);
-        kind_ = columns_ && cells.size() == columns_->count ? Kind::kTable : Kind::kNumbers;
+        kind_ = columns_ ? Kind::kTable : Kind::kNumbers;
       }
     }
     if (kind_ == Kind::kGraph) return take_vertex(line, first_word);
@@ -104,16 +104,9 @@ class PoseLines {
            word == "FIX";
   }
 
-  void set_header(const PoseColumns& header, std::string_view line) {
-    columns_ = header;
-    separator_ = separator_of(line);
-    if (!header.stamp && !header.number) pose_file_.format = "csv";
-  }
-
   void take_header(std::string_view line) {
-    const auto header = parse_pose_header(line);
-    if (!header) throw InputError(where(), quoted(line), std::string(kKnownLines));
-    set_header(*header, line);
+    columns_ = parse_pose_header(line, where());
+    if (!columns_) throw InputError(where(), quoted(line), std::string(kKnownLines));
     kind_ = Kind::kTable;
   }
 
@@ -170,12 +163,12 @@ class PoseLines {
         numbered_ = number(cells.front()) < kLeastStamp;
         pose_file_.format = numbered_ ? "kitti360" : "csv";
       }
+      if (pose_file_.format.empty())
+        throw InputError(where(), fmt::format("{} fields", count), std::string(kKnownLines));
     }
-    if (count != count_ || pose_file_.format.empty())
+    if (count != count_)
       throw InputError(where(), fmt::format("{} fields", count),
-                       is_first
-                           ? std::string(kKnownLines)
-                           : fmt::format("{}, as in the lines before: correct the line", count_));
+                       fmt::format("{}, as in the lines before: correct the line", count_));
     // The line is all that ties such a pose to its scan, so a hole would shift all that follow.
     if (pose_file_.format == "kitti" && line_ != last_line_ + 1)
       throw InputError(place(file_, last_line_ + 1), "a blank line or comment",
@@ -206,9 +199,12 @@ class PoseLines {
 
   void take_row(const std::vector<std::string_view>& cells) {
     const PoseColumns& columns = *columns_;
-    if (cells.size() < columns.count)
-      throw InputError(where(), fmt::format("{} fields", cells.size()),
-                       fmt::format("{}, as the header names: correct the line", columns.count));
+    // Cells at the end may be empty. Blanks do not show which one is.
+    const std::size_t least = separator_ == ' ' ? columns.count : columns.last() + 1;
+    if (cells.size() < least || cells.size() > columns.count)
+      throw InputError(
+          where(), fmt::format("{} fields", cells.size()),
+          fmt::format("{}, as the header names: correct the line or the header", columns.count));
     pose_file_.format = "csv";
     if (columns.nanoseconds) {
       add_seconds_and_nanoseconds(cells[*columns.stamp], cells[*columns.nanoseconds]);
@@ -231,6 +227,9 @@ class PoseLines {
     const auto whole_ns = parse_stamp(seconds, StampUnit::kSeconds);
     const auto rest_ns = parse_stamp(nanoseconds, StampUnit::kNanoseconds);
     std::int64_t stamp_ns = 0;
+    if (rest_ns && (*rest_ns < 0 || *rest_ns >= 1'000'000'000))
+      throw InputError(where(), quoted(nanoseconds) + " beside seconds",
+                       "nanoseconds below 1e9: remove one of the two columns of stamps");
     const bool fits =
         whole_ns && rest_ns && !__builtin_add_overflow(*whole_ns, *rest_ns, &stamp_ns);
     add_stamp(fits ? std::optional(stamp_ns) : std::nullopt, seconds);
@@ -244,11 +243,12 @@ class PoseLines {
     if (columns.is_quaternion) return {r[3], r[0], r[1], r[2]};
     constexpr double kTurn = 2.0 * std::numbers::pi;
     for (std::size_t i = 0; i < 3; ++i) {
-      if (!columns.has_angle_unit && std::abs(r[i]) > kTurn)
+      const std::optional<double>& unit_rad = columns.angle_unit_rad[i];
+      if (!unit_rad && std::abs(r[i]) > kTurn)
         throw InputError(where(), fmt::format("an angle of {:g}, and no unit in the header", r[i]),
                          "radians, or the unit in the header: name the columns roll_deg, pitch_deg "
                          "and yaw_deg");
-      if (columns.in_degrees) r[i] *= std::numbers::pi / 180.0;
+      r[i] *= unit_rad.value_or(1.0);
     }
     return Eigen::AngleAxisd(r[2], Eigen::Vector3d::UnitZ()) *
            Eigen::AngleAxisd(r[1], Eigen::Vector3d::UnitY()) *
@@ -281,6 +281,17 @@ class PoseLines {
   std::vector<std::int64_t> stamps_ns_;
 };
 
+/// @return no poses for a file without lines.
+PoseFile read_lines_of(const fs::path& file, std::string_view format, const std::string& wanted) {
+  PoseLines lines(file);
+  lines.read(read_text(file));
+  PoseFile poses = lines.result();
+  if (!poses.format.empty() && poses.format != format)
+    throw InputError(file.string(), "poses in the format " + poses.format,
+                     wanted + ": give a file of this format");
+  return poses;
+}
+
 /// A pose belongs to one scan.
 void require_single_numbers(const PoseFile& poses, const fs::path& file) {
   std::vector<std::size_t> numbers = poses.numbers;
@@ -298,17 +309,14 @@ PoseFile read_dump(const fs::path& folder) {
     poses.format = "glim";
     return poses;
   }
-  const std::vector<fs::path> keyframes = hdl_keyframe_folders(folder);
+  const std::vector<HdlKeyframe> keyframes = read_hdl_keyframes(folder);
   if (keyframes.empty())
     throw InputError(
         folder.string(), "a folder",
         "a file of poses, or the folder of a dump: of hdl_graph_slam with 000000/data, "
         "of GLIM with traj_lidar.txt");
   std::vector<StampedPose> stamped;
-  for (const fs::path& keyframe : keyframes)
-    stamped.push_back(read_hdl_keyframe(keyframe / "data"));
-  std::sort(stamped.begin(), stamped.end(),
-            [](const StampedPose& a, const StampedPose& b) { return a.stamp_ns < b.stamp_ns; });
+  for (const HdlKeyframe& keyframe : keyframes) stamped.push_back(keyframe.pose);
   const auto same =
       std::adjacent_find(stamped.begin(), stamped.end(),
                          [](const auto& a, const auto& b) { return a.stamp_ns == b.stamp_ns; });
@@ -333,9 +341,18 @@ PoseFile read_pose_file(const fs::path& file) {
   if (fs::is_directory(file)) return read_dump(file);
   PoseLines lines(file);
   lines.read(read_text(file));
+  lines.require_some();
   PoseFile poses = lines.result();
   require_single_numbers(poses, file);
   return poses;
+}
+
+std::vector<Eigen::Isometry3d> read_kitti_poses(const fs::path& file) {
+  return read_lines_of(file, "kitti", "12 numbers a line (KITTI)").poses;
+}
+
+Trajectory read_tum_trajectory(const fs::path& file) {
+  return read_lines_of(file, "tum", "stamp tx ty tz qx qy qz qw a line (TUM)").stamped;
 }
 
 }  // namespace stillmap::maps

@@ -32,9 +32,8 @@ struct PoseColumns {
   /// x y z w, or roll pitch yaw.
   std::array<std::size_t, 4> rotation{};
   bool is_quaternion = true;
-  bool in_degrees = false;
-  /// Whether the header names the unit of angles.
-  bool has_angle_unit = false;
+  /// Units of roll, pitch and yaw [rad]; nothing where the header names none.
+  std::array<std::optional<double>, 3> angle_unit_rad;
   std::optional<std::size_t> stamp;
   /// Nothing where the header does not name it.
   std::optional<StampUnit> stamp_unit;
@@ -44,9 +43,16 @@ struct PoseColumns {
   std::optional<std::size_t> number;
   /// Of all columns.
   std::size_t count = 0;
+
+  /// The last of the columns that are read.
+  [[nodiscard]] std::size_t last() const;
 };
 
+/// @param where  file and line, for messages.
 /// @return nothing where the names are none of a pose's.
-[[nodiscard]] std::optional<PoseColumns> parse_pose_header(std::string_view line);
+/// @throws InputError where two columns could be meant, and for units other than metres, radians,
+/// degrees and parts of a second.
+[[nodiscard]] std::optional<PoseColumns> parse_pose_header(std::string_view line,
+                                                           const std::string& where);
 
 }  // namespace stillmap::maps

@@ -26,17 +26,6 @@ void check_position(const std::filesystem::path& file, std::size_t line, const E
                                kMaxPositionM));
 }
 
-StampedPose parse_tum_pose(const std::filesystem::path& file, const NumberLine& line) {
-  std::array<double, 8> n{};
-  parse_finite(file, line, n);
-  const std::optional<std::int64_t> stamp_ns = parse_stamp_ns(line.fields[0]);
-  if (!stamp_ns) {
-    throw InputError(place(file, line.line), "stamp '" + std::string(line.fields[0]) + "'",
-                     "seconds that fit 64 bits of nanoseconds: write stamps in seconds");
-  }
-  return {*stamp_ns, pose_of_quaternion(file, line.line, std::span(n).last<7>())};
-}
-
 /// Seconds with 9 decimals, by integers: a double has no room for them.
 std::string stamp_text(std::int64_t stamp_ns) {
   constexpr std::uint64_t kSecond = 1'000'000'000;
@@ -51,8 +40,9 @@ Eigen::Isometry3d pose_of_quaternion(const std::filesystem::path& file, std::siz
                                      std::span<const double, 7> n) {
   const Eigen::Quaterniond q(n[6], n[3], n[4], n[5]);
   if (!(std::abs(q.norm() - 1.0) <= kMaxOffRotation)) {
-    throw InputError(place(file, line), fmt::format("a quaternion of norm {:.6g}", q.norm()),
-                     "norm 1: write the lines as stamp tx ty tz qx qy qz qw");
+    throw InputError(
+        place(file, line), fmt::format("a quaternion of norm {:.6g}", q.norm()),
+        "norm 1: check that qx qy qz qw stand in the order of the format, and normalize them");
   }
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = q.normalized().toRotationMatrix();
@@ -80,36 +70,6 @@ Eigen::Isometry3d parse_kitti_pose(const std::filesystem::path& file, const Numb
   std::array<double, 12> n{};
   parse_finite(file, line, n);
   return pose_of_matrix(file, line.line, n);
-}
-
-std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& file) {
-  const std::string text = read_text(file);
-  std::vector<Eigen::Isometry3d> poses;
-  std::size_t last_line = 0;
-  for (const NumberLine& line : number_lines(text)) {
-    // The line is all that ties a pose to its scan, so a hole would shift all that follow.
-    if (line.line != last_line + 1) {
-      throw InputError(place(file, last_line + 1), "a blank line or comment",
-                       "12 numbers: remove it");
-    }
-    last_line = line.line;
-    poses.push_back(parse_kitti_pose(file, line));
-  }
-  return poses;
-}
-
-Trajectory read_tum_trajectory(const std::filesystem::path& file) {
-  const std::string text = read_text(file);
-  std::vector<StampedPose> poses;
-  for (const NumberLine& line : number_lines(text)) {
-    poses.push_back(parse_tum_pose(file, line));
-    if (poses.size() > 1 && poses.back().stamp_ns <= poses[poses.size() - 2].stamp_ns) {
-      throw InputError(
-          place(file, line.line), "stamp " + std::string(line.fields[0]),
-          "one after that of the line before: sort the lines, and keep one of each stamp");
-    }
-  }
-  return Trajectory(std::move(poses));
 }
 
 void write_tum_trajectory(const std::filesystem::path& file, const Trajectory& trajectory) {

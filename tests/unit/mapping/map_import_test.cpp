@@ -236,6 +236,9 @@ TEST_F(MapImport, OurOwnAutowareMapsComeBackInAnyProjection) {
     const fs::path exported = folder_.path() / projector;
     maps::export_map(*map("plain"), "autoware", exported, {.frame = frame});
     const std::string name = "back_" + projector;
+    // Autoware takes 0 for the altitude in the file.
+    options_.geodetic_origin.reset();
+    if (projector == "LocalCartesian") options_.geodetic_origin = kTownHall;
     import_map(exported, folder_.path() / name, options_, {}, cancel_);
     const auto package = map(name);
     EXPECT_THAT(package->manifest().options.at("projector"), ::testing::StartsWith(projector));
@@ -255,6 +258,25 @@ TEST_F(MapImport, OurOwnAutowareMapsComeBackInAnyProjection) {
       }
     EXPECT_EQ(found, 2U) << projector;
   }
+}
+
+TEST_F(MapImport, AutowaresOwnOriginIsNotReplaced) {
+  const std::string cloud = pcd_of<float>({{1, 2, 3}});
+  folder_.write("aw/pointcloud_map.pcd/a.pcd", cloud);
+  const std::string origin = "map_origin: {latitude: 48.0, longitude: 11.6, altitude: 500}\n";
+  folder_.write("aw/map_projector_info.yaml", "projector_type: LocalCartesian\n" + origin);
+  const auto import_to = [&](const std::string& name) {
+    import_map(folder_.path() / "aw", folder_.path() / name, options_, {}, cancel_);
+    return map(name)->manifest().geodetic_origin.value();
+  };
+  EXPECT_EQ(import_to("own").altitude_m, 0.0);
+  options_.geodetic_origin = maps::GeodeticOrigin{48.0, 11.6, 500.0};
+  EXPECT_EQ(import_to("same").altitude_m, 500.0);
+  options_.geodetic_origin = maps::GeodeticOrigin{48.00001, 11.6, 0.0};
+  EXPECT_THAT([&] { (void)import_to("other"); },
+              ThrowsSaying<InputError>({"48, 11.6", "48.00001, 11.6", "leave --geo-origin out"}));
+  folder_.write("aw/map_projector_info.yaml", "projector_type: Local\n");
+  EXPECT_EQ(import_to("local").latitude_deg, 48.00001);
 }
 
 TEST_F(MapImport, FoldersThatAreNoAutowareMapAreRefused) {

@@ -83,6 +83,17 @@ TEST_F(AutowareMaps, LieWhereTheirProjectorSays) {
     EXPECT_NEAR(place.longitude_deg, 139.5, 1e-11) << type;
     EXPECT_NEAR(place.altitude_m, 12.0, 1e-9) << type;
   }
+  // Autoware's loader takes 0 for the altitude, whatever is written.
+  for (const char* const type : {"LocalCartesian", "LocalCartesianUTM", "TransverseMercator"}) {
+    const AutowareMap map =
+        read("projector_type: " + std::string(type) + "\n" + origin + "  altitude: 116.5\n");
+    EXPECT_EQ(map.origin.value().altitude_m, 0.0) << type;
+    EXPECT_THAT(map.notes, ElementsAre(HasSubstr("map_origin.altitude 116.5 is taken as 0")));
+    if (map.grid)
+      EXPECT_NEAR(place_in_grid(Eigen::Vector3d(0, 0, 12), *map.grid).altitude_m, 12.0, 1e-9);
+    else
+      EXPECT_THAT(map.notes, ElementsAre(HasSubstr("give --geo-origin 35,139.5,116.5")));
+  }
   EXPECT_EQ(read("projector_type: TransverseMercator\nscale_factor: 1.0\n"
                  "map_origin: {latitude: 35.0, longitude: 139.5}\n")
                 .grid->scale,

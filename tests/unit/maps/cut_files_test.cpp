@@ -315,6 +315,20 @@ void add_poses_and_boxes(std::vector<Sample>& samples) {
       "1700000000.1 1.25 0 0 0 0 0 1\n";
   const Files scans{{"a.bin", xyzi(1, 2, 3, 4)}, {"b.bin", xyzi(1, 2, 3, 4)}, {"path.tum", tum}};
   samples.push_back({"path.tum", scans, "path.tum", lines_of_drive});
+  const std::string csv =
+      "timestamp [ns],x [m],y,z,roll_deg,pitch_deg,yaw_deg,note\n"
+      "1700000000000000000,0,0,0,0,0,90,\n1700000000100000000,1.25,0,0,0,0,90,b\n";
+  const std::string g2o =
+      "FIX 0\nVERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1.25 0 0 0 0 0 1\n"
+      "EDGE_SE3:QUAT 0 1 1.25 0 0 0 0 0 1\n";
+  samples.push_back({"poses.csv",
+                     {{"a.bin", xyzi(1, 2, 3, 4)}, {"b.bin", xyzi(1, 2, 3, 4)}, {"poses.csv", csv}},
+                     "poses.csv",
+                     lines_of_drive});
+  samples.push_back({"graph.g2o",
+                     {{"0.bin", xyzi(1, 2, 3, 4)}, {"1.bin", xyzi(1, 2, 3, 4)}, {"a.g2o", g2o}},
+                     "a.g2o",
+                     lines_of_drive});
   const std::string car = "Car 0.1 0 0.0 10 20 30 40 1.5 1.6 4.0 2.0 1.6 9.7 0.3\n";
   const Files boxes{
       {"calib.txt",

@@ -8,10 +8,12 @@
 #include <cstdlib>
 #include <numbers>
 
+#include "drives/kitti360.hpp"
 #include "drives/oxts.hpp"
 #include "scan_bytes.hpp"
 #include "support/matchers.hpp"
 #include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
 
 namespace stillmap::maps {
 namespace drive_kitti_raw_test {
@@ -351,6 +353,33 @@ TEST(KittiRawRealDrive, GoesForwardAtTheSpeedThatOxtsReports) {
   const Scan scan = drive.read(40);
   EXPECT_GT(scan.cloud.size(), 100'000U);
   EXPECT_EQ(scan.cloud.time_offsets_s.size(), scan.cloud.size());
+}
+
+/// The poses of one scan, brought to the lidar.
+TEST(Kitti360Poses, OfTheCameraAreOfItsRectifiedAxes) {
+  const TemporaryFolder folder;
+  const std::string poses = "data_poses/a_sync/";
+  folder.write("calibration/calib_cam_to_velo.txt", "0 0 1 0.3 -1 0 0 0.1 0 -1 0 -0.2\n");
+  folder.write("calibration/calib_cam_to_pose.txt", "image_00: 0 0 1 1.5 1 0 0 0.3 0 1 0 -0.9\n");
+  const double c = std::cos(0.007), s = std::sin(0.007);
+  const auto of_imu = lidar_of_kitti360_poses(folder.path() / (poses + "poses.txt"));
+  EXPECT_THAT([&] { (void)lidar_of_kitti360_poses(folder.path() / (poses + "cam0_to_world.txt")); },
+              test::ThrowsSaying<InputError>({"perspective.txt", "give poses.txt"}));
+  folder.write("calibration/perspective.txt",
+               fmt::format("calib_time: 25-May-2012 16:47:16\nS_rect_00: 1408 376\n"
+                           "R_rect_00: {0} 0 {1} 0 1 0 {2} 0 {0}\nP_rect_00: 1 0 0 0 0 1 0 0 0 0 1 "
+                           "0\nR_rect_01: 1 0 0 0 1 0 0 0 1\n",
+                           c, s, -s));
+  const auto of_camera = lidar_of_kitti360_poses(folder.path() / (poses + "cam0_to_world.txt"));
+  // T_world_imu T_imu_cam = T_world_rectified R_rect_00, as kitti360scripts has it.
+  Eigen::Isometry3d T_imu_cam = Eigen::Isometry3d::Identity(), R_rect = T_imu_cam;
+  T_imu_cam.matrix().topRows<3>() << 0, 0, 1, 1.5, 1, 0, 0, 0.3, 0, 1, 0, -0.9;
+  R_rect.linear() << c, 0, s, 0, 1, 0, -s, 0, c;
+  const Eigen::Isometry3d T_imu_rectified = T_imu_cam * R_rect.inverse();
+  EXPECT_THAT(T_imu_rectified * of_camera.value(), IsNearPose(of_imu.value(), 1e-9, 1e-9));
+  folder.write("calibration/perspective.txt", "P_rect_00: 1 0 0 0 0 1 0 0 0 0 1 0\n");
+  EXPECT_THAT([&] { (void)lidar_of_kitti360_poses(folder.path() / (poses + "cam0_to_world.txt")); },
+              test::ThrowsSaying<InputError>({"perspective.txt", "no line R_rect_00:"}));
 }
 
 }  // namespace drive_kitti_raw_test

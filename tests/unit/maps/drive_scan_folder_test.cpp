@@ -1,8 +1,10 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
 
+#include <algorithm>
 #include <cmath>
 
 #include "drives/layout.hpp"
@@ -236,6 +238,110 @@ TEST_F(ScanFolderDrive, TakesAGivenFileOverItsOwn) {
   const auto given = folder_.write("x.tum", "1 9 0 0 0 0 0 1\n2 8 0 0 0 0 0 1\n");
   EXPECT_EQ(Drive::open(folder_.path(), given).T_map_lidar(1).translation().x(), 8.0);
   expect_error(folder_.path().string(), "x.tum and poses.txt");
+}
+
+TEST_F(ScanFolderDrive, SaysWhichFileOfPosesItTakesOrRefusesToChoose) {
+  folder_.write("a.pcd", kPcd);
+  folder_.write("b.pcd", kPcd);
+  const std::string graph = "VERTEX_SE3:QUAT 0 5 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 6 0 0 0 0 0 1\n";
+  folder_.write("one.g2o", graph);
+  EXPECT_EQ(open().T_map_lidar(1).translation().x(), 6.0);
+  folder_.write("two.g2o", graph);
+  expect_error(folder_.path().string(), "one.g2o and two.g2o");
+  std::filesystem::remove(folder_.path() / "two.g2o");
+  folder_.write("poses.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n");
+  expect_error(folder_.path().string(), "one.g2o and poses.csv");
+  folder_.write("poses.txt", kTwoKitti);
+  EXPECT_THAT(
+      open().contents().notes,
+      ::testing::IsSupersetOf({"poses are those of poses.txt, not of one.g2o beside it",
+                               "poses are those of poses.txt, not of poses.csv beside it"}));
+}
+
+class NumberedScans : public ScanFolderDrive {
+ protected:
+  void write_scans(int first, int count) {
+    for (int i = first; i < first + count; ++i) folder_.write(fmt::format("{:06d}.pcd", i), kPcd);
+  }
+  /// A vertex of each number, at x = the number.
+  void write_graph(const std::vector<int>& numbers) {
+    std::string text;
+    for (const int i : numbers) text += fmt::format("VERTEX_SE3:QUAT {0} {0} 0 0 0 0 0 1\n", i);
+    folder_.write("a.g2o", text);
+  }
+  [[nodiscard]] std::vector<double> xs() const {
+    const Drive drive = open();
+    std::vector<double> xs;
+    for (std::size_t i = 0; i < drive.size(); ++i)
+      xs.push_back(drive.T_map_lidar(i).translation().x());
+    return xs;
+  }
+  void expect_note(const std::string& part, bool is_there) const {
+    const std::vector<std::string> notes = open().contents().notes;
+    const bool found = std::any_of(notes.begin(), notes.end(), [&](const std::string& note) {
+      return note.find(part) != std::string::npos;
+    });
+    EXPECT_EQ(found, is_there) << part;
+  }
+};
+
+TEST_F(NumberedScans, KeepTheirPosesWhereOneIsMissing) {
+  write_scans(0, 10);
+  write_graph({0, 1, 2, 3, 4, 6, 7, 8, 9, 10});
+  const std::vector<double> found = xs();
+  ASSERT_EQ(found.size(), 10U);
+  for (std::size_t i = 0; i < 10; ++i) EXPECT_NEAR(found[i], static_cast<double>(i), 1e-9) << i;
+  expect_note("assigned in order", false);
+}
+
+TEST_F(NumberedScans, GetPosesInOrderWhereAllNumbersAreShiftedOrNoneIsTheirs) {
+  write_scans(0, 4);
+  write_graph({1, 2, 3, 4});
+  EXPECT_THAT(xs(), ElementsAre(1.0, 2.0, 3.0, 4.0));
+  expect_note("the numbers in a.g2o, 1 to 4, are not those of the scans", true);
+  write_graph({100, 117, 130, 160});
+  EXPECT_THAT(xs(), ElementsAre(100.0, 117.0, 130.0, 160.0));
+  expect_note("assigned in order", true);
+}
+
+TEST_F(NumberedScans, OfOneStampGetOnePose) {
+  write_scans(0, 4);
+  const auto poses = folder_.write("poses/p.g2o",
+                                   "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n"
+                                   "VERTEX_SE3:QUAT 1 1 0 0 0 0 0 1\n"
+                                   "VERTEX_SE3:QUAT 2 2 0 0 0 0 0 1\n"
+                                   "VERTEX_SE3:QUAT 3 3 0 0 0 0 0 1\n");
+  Drive::Contents contents = open().contents();
+  contents.stamps_ns = {0, 100'000'000, 100'000'000, 200'000'000};
+  set_poses(contents, poses, 0);
+  EXPECT_EQ(contents.path->size(), 3U);
+  EXPECT_EQ(contents.T_map_lidar.at(3).translation().x(), 3.0);
+  EXPECT_THAT(contents.notes, ::testing::Contains(HasSubstr("1 poses in p.g2o are left out")));
+}
+
+TEST_F(NumberedScans, NeedARowEachOfATableWithoutStampsAndNumbers) {
+  write_scans(0, 2);
+  const std::string header = "clock_of_mine,x,y,z,qx,qy,qz,qw\n";
+  folder_.write("poses.csv", header + "1,1,0,0,0,0,0,1\n2,2,0,0,0,0,0,1\n");
+  EXPECT_THAT(xs(), ElementsAre(1.0, 2.0));
+  expect_note("poses in poses.csv have neither stamp nor number: they are assigned in order", true);
+  folder_.write("poses.csv", header + "1,1,0,0,0,0,0,1\n2,2,0,0,0,0,0,1\n3,3,0,0,0,0,0,1\n");
+  expect_error("poses.csv", "3 poses without stamp or number");
+}
+
+TEST_F(ScanFolderDrive, RefusesToShiftTheViewpointsOfPointsInTheMap) {
+  for (int i = 0; i < 3; ++i) {
+    std::string pcd = kPcd;
+    pcd.insert(pcd.find("POINTS"), fmt::format("VIEWPOINT {} 0 0 1 0 0 0\n", i));
+    folder_.write(fmt::format("{}.pcd", i), pcd);
+  }
+  const std::string drive = folder_.path().string() + "?points=map";
+  EXPECT_EQ(Drive::open(drive).T_map_lidar(2).translation().x(), 2.0);
+  EXPECT_THAT([&] { (void)Drive::open(drive, std::nullopt, 50'000'000); },
+              test::ThrowsSaying<InputError>({"--pose-time-offset", "leave it out"}));
+  const Drive of_sensor =
+      Drive::open(folder_.path().string() + "?points=sensor", std::nullopt, 50'000'000);
+  EXPECT_NEAR(of_sensor.T_map_lidar(1).translation().x(), 0.5, 1e-6);
 }
 
 TEST_F(ScanFolderDrive, RefusesMixedKinds) {

@@ -259,6 +259,12 @@ TEST_F(MapExport, AutowareInMgrsCountsFromTheCornerOfTheSquare) {
   EXPECT_TRUE(found);
   EXPECT_THAT([&] { export_map(*map(town), "ply", out("b"), {.frame = ExportFrame::kMgrs}); },
               ThrowsSaying<std::invalid_argument>({"frame"}));
+  // Band T ends and U begins at 48 deg north, within a square whose names are 32TPU and 32UPU.
+  town.place = GeodeticOrigin{48.0, 11.2, 0.0};
+  town.points = {{{0.0F, -900.0F, 0.0F}}, {{0.0F, 900.0F, 0.0F}}};
+  export_map(*map(town), "autoware", out("bands"), {.frame = ExportFrame::kMgrs});
+  EXPECT_THAT(text_of(out("bands") / "map_projector_info.yaml"),
+              ::testing::ContainsRegex("mgrs_grid: 32[TU]PU\n"));
   // The border of zones 31 and 32, and of two squares.
   town.place = GeodeticOrigin{49.0, 6.3699, 0.0};
   town.points = {{{-9000.0F, 0.0F, 0.0F}}, {{9000.0F, 0.0F, 0.0F}}};

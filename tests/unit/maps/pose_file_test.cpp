@@ -128,6 +128,60 @@ TEST_F(PoseFiles, ReadAnglesAboutFixedAxes) {
   EXPECT_LT((poses.all()[0].linear().col(1) - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
 }
 
+TEST_F(PoseFiles, TakeUnitsInsideAHeaderPartedByBlanks) {
+  // qw comes first: without the header it would be taken as qx.
+  expect_turned(
+      "# timestamp [s] tx [m] ty [m] tz [m] qw [-] qx [-] qy [-] qz [-]\n"
+      "1.5 4 5 6 0.7071067811865476 0 0 0.7071067811865476\n",
+      "csv");
+  expect_error("# timestamp x y z qw qx qy qz extra\n1.5 4 5 6 1 0 0 0\n",
+               {"line 2", "8 fields", "9, as the header names"});
+}
+
+TEST_F(PoseFiles, TakeNoUnitForAnother) {
+  expect_turned("t,x [m],y,z,roll [rad],pitch,yaw [\xC2\xB0]\n1,4,5,6,0,0,90\n", "csv");
+  expect_turned("t,x,y,z,roll_radians,pitch (rad),yaw_degrees\n1,4,5,6,0,0,90\n", "csv");
+  expect_error("t,x,y,z,roll [gon],pitch [gon],yaw [gon]\n1,4,5,6,0,0,1\n",
+               {"line 1", "'roll [gon]'", "angles in rad or deg"});
+  expect_error("t,x [mm],y [mm],z [mm],qx,qy,qz,qw\n1,4,5,6,0,0,0,1\n",
+               {"line 1", "'x [mm]'", "positions in metres"});
+  expect_error("time [min],x,y,z,qx,qy,qz,qw\n1,4,5,6,0,0,0,1\n",
+               {"line 1", "'time [min]'", "stamps in s, ms, us or ns"});
+}
+
+TEST_F(PoseFiles, TakeAColumnWithAPrefixOnlyWhereNoneHasTheNameAlone) {
+  expect_turned(
+      "timestamp_ns,x,y,z,std_roll,std_pitch,std_yaw,roll,pitch,yaw_deg\n"
+      "17,4,5,6,9,9,9,0,0,90\n",
+      "csv");
+  expect_error("t,x,y,z,std_roll,std_pitch,std_yaw,my_roll,my_pitch,my_yaw\n1,4,5,6,9,9,9,0,0,90\n",
+               {"line 1", "'std_yaw' and 'my_yaw'", "rename"});
+  expect_error("gps_time,ros_time,x,y,z,qx,qy,qz,qw\n1,2,4,5,6,0,0,0,1\n",
+               {"line 1", "'gps_time' and 'ros_time'"});
+  expect_turned("# x, then x again\n1.5 4 5 6 " + kQuaternion + "\n", "tum");
+}
+
+TEST_F(PoseFiles, MayLeaveTheLastCellsEmpty) {
+  expect_turned("t,x,y,z,qx,qy,qz,qw,note\n1,4,5,6,0,0,0.70710678,0.70710678,\n", "csv");
+  expect_error("t,x,y,z,qx,qy,qz,note,qw\n1,4,5,6,0,0,0.70710678,0.70710678,\n",
+               {"line 2", "8 fields", "9, as the header names"});
+  expect_error("t,x,y,z,qx,qy,qz,qw\n1,7,4,5,6,0,0,0,1\n", {"line 2", "9 fields", "8, as"});
+}
+
+TEST_F(PoseFiles, FindStampsByTheirUsualNames) {
+  const std::string names = ",x,y,z,qx,qy,qz,qw\n", rest = ",4,5,6,0,0,0,1\n";
+  for (const char* const name :
+       {"utc_time", "time_stamp", "gps_time", "ros_time", "unix_time", "ros_timestamp", "Stamp"})
+    expect_stamp(name + names + "1.5" + rest, 1'500'000'000);
+  for (const char* const pair :
+       {"timestamp_sec,timestamp_nsec", "header.stamp.sec,header.stamp.nanosec", "secs,nsecs",
+        "field.header.stamp.secs,field.header.stamp.nsecs", "time [s],time [ns]"})
+    expect_stamp(pair + names + "1700000000,5" + rest, 1'700'000'000'000'000'005);
+  expect_stamp("timestamp_sec" + names + "1.5" + rest, 1'500'000'000);
+  expect_error("time_s,time_ns" + names + "1.5,1500000000" + rest,
+               {"line 2", "'1500000000' beside seconds", "remove one"});
+}
+
 TEST_F(PoseFiles, ReadStampsToTheNanosecondInAnyUnit) {
   const std::string rest = ",4,5,6,0,0,0,1\n";
   const std::string names = ",x,y,z,qx,qy,qz,qw\n";
@@ -194,6 +248,10 @@ TEST_F(PoseFiles, SayWhatIsWrongAndWhere) {
   expect_error("", {"no poses", "give another file"});
   expect_error("# only a comment\n", {"no poses"});
   expect_error("1 2 3 4 5 6 7\n", {"line 1", "7 fields", "timestamp,x,y,z,qx,qy,qz,qw"});
+  expect_error("# x y z roll pitch yaw\n1700000010 0 0 0 0 0 0\n",
+               {"line 2", "7 fields", "6, as the header names"});
+  expect_error("# x y z qx qy qz qw\n1 2\n", {"line 2", "2 fields"});
+  expect_error("# x y z qx qy qz qw\n1\n", {"line 2", "1 fields"});
   expect_error("hello world\n", {"line 1", "'hello world'", "a header that names columns"});
   expect_error("t,x,y,z\n1,2,3,4\n", {"line 1", "'t,x,y,z'"});
   expect_error("t,x,y,z,qx,qy,qz,qw\n1,4,5,,0,0,0,1\n", {"line 2", "''", "finite"});

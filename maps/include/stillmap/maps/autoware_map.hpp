@@ -36,7 +36,8 @@ struct AutowareMap {
 /// Reads which clouds belong to it, from `pointcloud_map_metadata.yaml` where there is one, and
 /// what their coordinates are, from `map_projector_info.yaml`: of type Local, LocalCartesian,
 /// LocalCartesianUTM, MGRS or TransverseMercator. Without that file the coordinates are local.
-/// Altitudes of `map_origin` that are not written count as 0, as Autoware takes them.
+/// The altitude of `map_origin` counts as 0 whatever is written, as Autoware's loader takes it; a
+/// note says so.
 /// Source: https://github.com/autowarefoundation/autoware_core,
 /// map/autoware_map_projection_loader/README.md and map/autoware_map_loader/README.md.
 /// @throws InputError naming file and value: no cloud, a tile that is missing, an unknown

@@ -32,9 +32,10 @@ struct PoseFile {
 /// - 12 or 16 numbers: KITTI, a matrix [R t] row by row, a line for each scan.
 /// - 13 or 17 numbers: the same behind the number of the scan (KITTI-360), or behind a stamp of at
 ///   least 1e8.
-/// - a header that names columns (CSV): x y z with qx qy qz qw, or with roll pitch yaw (in radians,
-///   or `yaw_deg`), and a stamp or the number of the scan. Also in names as `position.x` and
-///   `orientation.w`.
+/// - a header that names columns (CSV): x y z in metres with qx qy qz qw, or with roll pitch yaw in
+///   radians, or `yaw_deg`, and a stamp or the number of the scan. Also in names as `position.x`
+///   and `orientation.w`. A name alone goes before one with a prefix, as `std_roll`. The header may
+///   be a comment. Units other than these, and two columns for one value, are errors.
 /// - g2o: the vertices VERTEX_SE3:QUAT, whose ids number the scans.
 /// - a folder that hdl_graph_slam or GLIM dumped.
 ///

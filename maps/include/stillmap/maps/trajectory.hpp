@@ -41,14 +41,14 @@ class Trajectory {
   std::vector<StampedPose> poses_;
 };
 
-/// Poses of a file without stamps: 12 numbers a line, 3x4 row-major (KITTI).
-/// Rotations are renormalized when within 1e-3 of SO(3). @throws InputError naming file, line and
-/// value.
+/// Poses of a file without stamps: 12 numbers a line, 3x4 row-major (KITTI), as `read_pose_file`
+/// reads them; none of an empty file. @throws InputError naming file, line and value, also for
+/// other formats.
 [[nodiscard]] std::vector<Eigen::Isometry3d> read_kitti_poses(const std::filesystem::path& file);
 
-/// TUM: `stamp tx ty tz qx qy qz qw` a line, stamp in seconds (parsed without loss to ns), `#`
-/// comments.
-/// @throws InputError naming file, line and value.
+/// TUM: `stamp tx ty tz qx qy qz qw` a line, as `read_pose_file` reads it.
+/// @return an empty path for an empty file.
+/// @throws InputError naming file, line and value, also for other formats.
 [[nodiscard]] Trajectory read_tum_trajectory(const std::filesystem::path& file);
 
 /// Writes TUM with 9 decimals of stamp, 17 significant digits elsewhere. @throws StorageError.
