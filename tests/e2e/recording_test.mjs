@@ -65,6 +65,8 @@ async function asksBeforeTheUpload(run) {
   run.expect(await page.isDisabled('dialog button[type=submit]'), 'without a choice it is not sent');
   await run.accessible(page, 'the topics of a recording');
   await scans.selectOption('/points');
+  run.expect(await page.getByLabel('/rear').isVisible(), 'other lidars can join it');
+  await run.accessible(page, 'several lidars of a recording');
   await run.screenshot(page, 'recording');
   await page.click('dialog button[type=submit]');
   await page.waitForSelector('.upload.done');
@@ -99,7 +101,6 @@ async function asksAfterTheUpload(run) {
   await page.click('dialog button[type=submit]');
   await shown(run, page, '.upload.done a:has-text("choose the topics")', 'a recording that needs a choice is kept, and the page says so');
   await page.waitForSelector('tr[data-drive] .badge:text-is("Needs a choice")');
-  await page.reload();
   await page.click('tr[data-drive] button:text-is("Choose topics")');
   run.expect(/clouds on \/points/.test(await page.innerText('dialog .remark')), 'which choice is said');
   run.expect(await page.isDisabled('dialog button[type=submit]'), 'one has to be made');
@@ -109,9 +110,13 @@ async function asksAfterTheUpload(run) {
   await page.click('dialog button[type=submit]');
   await shown(run, page, 'dialog .remark:has-text("rear_lidar")', 'a choice that does not fit is asked for again');
   await page.fill('dialog input[placeholder="as in the messages"]', '');
+  await page.getByLabel('Other words').fill('stamps=recorded');
   await run.screenshot(page, 'choice');
   await page.click('dialog button[type=submit]');
   await shown(run, page, 'tr[data-drive] .badge:text-is("Complete")', 'a choice that fits completes the drive');
+  run.expect(await page.locator('.upload').count() === 0, 'and its upload asks for none any more');
+  const { inspection } = (await json(server, '/v1/maps/town/drives')).drives.at(-1);
+  run.expect(inspection.notes.some((note) => note.includes('when the recorder got')), `other words count: ${JSON.stringify(inspection.notes)}`);
   await shown(run, page, '.inspected .finding', 'what looks wrong with it stands beside it');
   await run.accessible(page, 'findings beside a drive');
   await run.screenshot(page, 'findings');

@@ -50,7 +50,9 @@ class CommandLine(unittest.TestCase):
         text = run("--help").stdout
         for command in ("build", "rebuild", "import", "export", "calibrate", "simulate", "evaluate", "localize", "serve", "inspect", "store", "keys", "audit"):
             self.assertRegex(text, rf"(?m)^  {command}\b")
-            self.assertEqual(run(command, "--help").returncode, 0, command)
+            of_command = run(command, "--help")
+            self.assertEqual(of_command.returncode, 0, command)
+            self.assertIn(of_command.stdout.splitlines()[0].strip(), " ".join(text.split()), command)
         for what in ("localization", "map", "detector", "odometry", "paper", "paper-odometry"):
             self.assertIn("--json", run("evaluate", what, "--help").stdout)
 
@@ -84,6 +86,8 @@ class CommandLine(unittest.TestCase):
         self.fails(2, "scans: 2", "evaluate", "paper", "--scans", "2", "--work", work)
         self.fails(2, "magic", "evaluate", "paper", "--maps", "none,magic")
         self.fails(2, "magic", "evaluate", "paper", "--methods", "magic")
+        self.fails(2, "--mount needs 6 values: X,Y,Z,ROLL,PITCH,YAW", "simulate", "-o", new, "--mount", "1,2,3")
+        self.fails(2, "too many arguments", "calibrate", DRIVE, *[DRIVE] * 16)
         self.fails(2, "0.0.0.0", "serve", "--store", self.folder, "--host", "0.0.0.0")
         self.assertEqual(list(self.folder.iterdir()), [])
 
@@ -106,6 +110,15 @@ class CommandLine(unittest.TestCase):
         self.assertTrue(pipe.is_fifo())
         self.assertEqual(json.loads(link.read_text())["scans"], 1)
         self.assertEqual(json.loads(reader.communicate(timeout=10)[0])["scans"], 1)
+
+    def test_calibrate_takes_links_and_opens_all_drives_before_it_begins(self):
+        for name in ("front", "rear"):
+            (self.folder / name).symlink_to(DRIVE)
+        (self.folder / "side").mkdir()
+        lidars = self.folder / "lidars.json"
+        self.fails(1, "side: found no layout", "calibrate", self.folder / "front/", self.folder / "rear", self.folder / "side",
+                   "-o", lidars)
+        self.fails(1, "links to them", "calibrate", DRIVE, self.folder / "rear", "-o", lidars)
 
     def test_build_leaves_nothing_when_a_scan_is_broken(self):
         drive = self.folder / "drive"

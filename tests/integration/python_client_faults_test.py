@@ -251,6 +251,16 @@ class Faults(unittest.TestCase):
                 Client(url).upload_drive("town", name, drive=7)
             self.assertEqual((caught.exception.drive, caught.exception.choices), (7, ["cloud=/a", "cloud=/b"]))
 
+    def test_a_choice_that_is_still_applied_is_not_said_to_be_missing(self):
+        with tempfile.TemporaryDirectory() as name:
+            (pathlib.Path(name) / "a").write_bytes(b"y")
+            asks = json.dumps({"status": "needs_choice", "error": "clouds on /a, /b",
+                               "inspection": {"choices": [{"choice": "cloud=/a"}]}}).encode()
+            url, seen = self.serve((200, {}, b'{"parts": []}'), (201, {}, b"{}"), (504, {}, b"<html>"), (200, {}, asks))
+            with self.assertRaises(Problem) as raised:
+                Client(url).upload_drive("town", name, drive=7, choice="cloud=/a")
+            self.assertEqual((raised.exception.status, [each[0] for each in seen]), (504, ["GET", "PUT", "POST", "GET"]))
+
     def test_a_version_is_not_sent_again_after_long_silence(self):
         with tempfile.TemporaryDirectory() as name:
             (pathlib.Path(name) / "a").write_bytes(b"y")

@@ -256,14 +256,22 @@ class SqliteFile {
   int schema_ = 4;
 };
 
-/// A bag of MCAP with one cloud on /cloud1 and one on /cloud2.
-[[nodiscard]] inline std::string bag_of_two_clouds() {
+/// A bag of MCAP with one cloud on each topic. @param stamp_ns  of the first; each next is later.
+[[nodiscard]] inline std::string bag_of_clouds(const std::vector<std::string>& topics,
+                                               std::int64_t stamp_ns = 1) {
   McapBytes bag;
   bag.add(McapBytes::schema(1, "sensor_msgs/msg/PointCloud2"));
-  for (const std::uint16_t id : {std::uint16_t{1}, std::uint16_t{2}})
-    bag.add(McapBytes::channel(id, 1, "/cloud" + std::to_string(id)) +
-            McapBytes::message(id, one_point(id, 1.0F)));
+  std::uint16_t id = 0;
+  for (const std::string& topic : topics) {
+    ++id;
+    bag.add(McapBytes::channel(id, 1, topic) + McapBytes::message(id, one_point(stamp_ns++, 1.0F)));
+  }
   return bag.finished();
+}
+
+/// On /cloud1 and /cloud2.
+[[nodiscard]] inline std::string bag_of_two_clouds() {
+  return bag_of_clouds({"/cloud1", "/cloud2"});
 }
 
 }  // namespace stillmap::test

@@ -4,6 +4,8 @@
 #include <stillmap/maps/recording_choice.hpp>
 
 #include <algorithm>
+#include <array>
+#include <utility>
 
 #include <stillmap/maps/text.hpp>
 
@@ -14,15 +16,29 @@ constexpr std::string_view kExpected =
     "cloud=TOPIC (or TOPIC,TOPIC for several lidars), poses=TOPIC, pose_frame=FRAME, gnss=TOPIC, "
     "imu=TOPIC, points=map, stamps=recorded or calibration=FILE";
 
-std::optional<std::string>* find_word(BagChoice& choice, std::string_view word) {
-  if (word == "cloud") return &choice.cloud;
-  if (word == "poses") return &choice.poses;
-  if (word == "gnss") return &choice.gnss;
-  if (word == "stamps") return &choice.stamps;
-  if (word == "calibration") return &choice.calibration;
-  if (word == "imu") return &choice.imu;
-  if (word == "points") return &choice.points;
-  return word == "pose_frame" ? &choice.pose_frame : nullptr;
+struct ChoiceWord {
+  std::string_view name;
+  std::optional<std::string> BagChoice::*value;
+};
+constexpr std::array<ChoiceWord, 8> kChoiceWords{{{"cloud", &BagChoice::cloud},
+                                                  {"poses", &BagChoice::poses},
+                                                  {"pose_frame", &BagChoice::pose_frame},
+                                                  {"gnss", &BagChoice::gnss},
+                                                  {"imu", &BagChoice::imu},
+                                                  {"points", &BagChoice::points},
+                                                  {"stamps", &BagChoice::stamps},
+                                                  {"calibration", &BagChoice::calibration}}};
+
+std::optional<std::string>* find_word(BagChoice& choice, std::string_view name) {
+  const auto* const word = std::ranges::find(kChoiceWords, name, &ChoiceWord::name);
+  return word == kChoiceWords.end() ? nullptr : &(choice.*word->value);
+}
+
+/// @param own  what counts where the choice says nothing.
+BagChoice with_own_words(BagChoice choice, const BagChoice& own) {
+  for (const ChoiceWord& word : kChoiceWords)
+    if (!(choice.*word.value)) choice.*word.value = own.*word.value;
+  return choice;
 }
 
 }  // namespace
@@ -51,20 +67,22 @@ BagChoice parse_bag_choice(std::string_view text, const std::string& source) {
 BagChoice with_choice_of_folder(BagChoice choice, const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / "topics.txt";
   if (!std::filesystem::exists(file)) return choice;
-  const BagChoice own = parse_bag_choice(read_text(file), file.string());
-  if (!choice.cloud) choice.cloud = own.cloud;
-  if (!choice.poses) choice.poses = own.poses;
-  if (!choice.pose_frame) choice.pose_frame = own.pose_frame;
-  if (!choice.gnss) choice.gnss = own.gnss;
-  if (!choice.stamps) choice.stamps = own.stamps;
-  if (!choice.calibration) choice.calibration = own.calibration;
-  if (!choice.imu) choice.imu = own.imu;
-  if (!choice.points) choice.points = own.points;
-  return choice;
+  return with_own_words(std::move(choice), parse_bag_choice(read_text(file), file.string()));
 }
 
 void check_recording_choice(std::string_view words, const std::string& source) {
   static_cast<void>(parse_bag_choice(words, source));
+}
+
+std::string merged_recording_choice(std::string_view words, std::string_view own,
+                                    const std::string& source) {
+  const BagChoice choice =
+      with_own_words(parse_bag_choice(words, source), parse_bag_choice(own, source));
+  std::string text;
+  for (const ChoiceWord& word : kChoiceWords)
+    if (const std::optional<std::string>& value = choice.*word.value)
+      text += (text.empty() ? "" : "&") + std::string(word.name) + "=" + *value;
+  return text;
 }
 
 std::optional<std::filesystem::path> file_beside(const std::filesystem::path& bag,

@@ -32,18 +32,17 @@ DriveFinding no_poses(const Drive& drive) {
             "no poses, but clouds in '" + frame +
                 "', a frame that is fixed to the ground: if they are registered already, odometry "
                 "finds no motion",
-            "record the sensor's poses too, or give them with --poses FILE and 'DRIVE?points=map'; "
-            "if the points lie in the sensor's frame, nothing is wrong"};
+            "record the sensor's poses too, or give a file of poses and choose points=map; if the "
+            "points lie in the sensor's frame, nothing is wrong"};
   if (is_recording(drive.contents().layout))
     return {"no_poses", "no poses: none are taken of the recording",
-            "choose the poses that the notes name, or give --poses FILE; without "
-            "poses, build finds them by odometry"};
+            "choose the poses that the notes name, or give a file of poses; without poses, build "
+            "finds them by odometry"};
   return {
       "no_poses",
       pcd ? "no poses: no file of them, and no VIEWPOINT of the scans is other than the identity"
           : "no poses: no file of them",
-      "give them with --poses FILE where there are any; without, odometry makes "
-      "them of the scans"};
+      "give a file of poses where there is one; without, odometry makes them of the scans"};
 }
 
 }  // namespace

@@ -1,16 +1,23 @@
 #include "drives/address.hpp"
 
+#include <stillmap/maps/drive_address.hpp>
+
 #include <algorithm>
 #include <string_view>
 
 namespace stillmap::maps {
 
-Address address_of(const std::filesystem::path& root) {
-  const std::string text = root.string();
+DriveAddress split_address(const std::filesystem::path& address) {
+  const std::string text = address.string();
   const std::size_t mark = text.rfind('?');
-  if (mark == std::string::npos || std::filesystem::exists(root)) return {root, {}, {}, {}, {}};
-  Address address{text.substr(0, mark), {}, {}, {}, {}};
-  std::string_view rest = std::string_view(text).substr(mark + 1);
+  if (mark == std::string::npos || std::filesystem::exists(address)) return {address, {}};
+  return {text.substr(0, mark), text.substr(mark + 1)};
+}
+
+Address address_of(const std::filesystem::path& root) {
+  const auto [place, words] = split_address(root);
+  Address address{place, {}, {}, {}, {}};
+  std::string_view rest = words;
   const auto take = [](std::string_view word, std::string_view key, std::string& into) {
     if (!word.starts_with(key) || !into.empty()) return false;
     into = word.substr(key.size());

@@ -3,6 +3,7 @@
 #include <stillmap/maps/imu.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/pose_file.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 #include <stillmap/maps/scan_file.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 
@@ -226,6 +227,10 @@ Drive Drive::open(const std::filesystem::path& root,
 bool Drive::is_at(const std::filesystem::path& root) {
   const std::filesystem::path place = address_of(root).place;
   return std::filesystem::is_directory(place) || is_bag(place) || is_rawlog(place);
+}
+
+bool takes_recording_choice(const std::filesystem::path& place) {
+  return !is_lidar_set(place) && (is_bag(place) || is_rawlog(place));
 }
 
 bool Drive::is_in(const std::filesystem::path& folder) {

@@ -1,5 +1,6 @@
 #include "drives/joined_lidars.hpp"
 
+#include <stillmap/maps/drive_address.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/lidar_set.hpp>
 #include <stillmap/maps/map_package.hpp>
@@ -226,7 +227,9 @@ Drive::Contents open_lidar_set(const std::filesystem::path& root, const PosesCho
       throw InputError(file.string(), "'" + lidar.drive + "', which is a drive of several lidars",
                        "drives of one lidar each: name these");
   }
-  const auto named = [](const std::string& drive) { return drive.substr(0, drive.find('?')); };
+  const auto named = [&](const std::string& drive) {
+    return split_address(root / drive).place.filename().string();
+  };
   const bool same_place = std::ranges::all_of(lidars, [&](const MountedLidar& lidar) {
     return named(lidar.drive) == named(lidars.front().drive);
   });

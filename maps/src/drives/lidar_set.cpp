@@ -1,5 +1,6 @@
 #include <stillmap/maps/lidar_set.hpp>
 
+#include <stillmap/maps/drive_address.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/json_fields.hpp>
 #include <stillmap/maps/text.hpp>
@@ -15,22 +16,25 @@ constexpr const char* kFormat = "stillmap-lidars";
 constexpr double kMostOffsetS = 1.0;
 
 /// A drive may come with an upload: no name leads out of its folder.
-std::string name_in_folder(const JsonField& field) {
+std::string name_in_folder(const JsonField& field, const std::filesystem::path& folder) {
   std::string name = field.text();
-  const std::string place = name.substr(0, name.find('?'));
+  std::string place = name;
+  if (const std::string in_folder = (folder / "").string(); name.find('?') != std::string::npos)
+    place = split_address(in_folder + name).place.string().substr(in_folder.size());
   if (place.empty() || place == "." || place == ".." ||
       place.find_first_of("/\\") != std::string::npos || name.find('\0') != std::string::npos)
     field.refuse("the name of a folder or bag beside this file");
   return name;
 }
 
-MountedLidar lidar_from(const JsonField& field, bool is_reference) {
+MountedLidar lidar_from(const JsonField& field, const std::filesystem::path& folder,
+                        bool is_reference) {
   MountedLidar lidar;
   if (is_reference)
     field.exactly({"drive"});
   else
     field.only({"drive", "T_reference_lidar", "time_offset_s"});
-  lidar.drive = name_in_folder(field.at("drive"));
+  lidar.drive = name_in_folder(field.at("drive"), folder);
   if (is_reference) return lidar;
   lidar.T_reference_lidar = field.at("T_reference_lidar").transform();
   if (field.has("time_offset_s"))
@@ -49,7 +53,7 @@ std::vector<MountedLidar> read_lidar_set(const std::filesystem::path& file) {
   static_cast<void>(root.at("version").integer(1, 1));
   std::vector<MountedLidar> lidars;
   for (const JsonField& field : root.at("lidars").elements(2, kMostLidars))
-    lidars.push_back(lidar_from(field, lidars.empty()));
+    lidars.push_back(lidar_from(field, file.parent_path(), lidars.empty()));
   return lidars;
 }
 

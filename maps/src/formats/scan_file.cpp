@@ -1,9 +1,11 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/scan_file.hpp>
+#include <stillmap/maps/scan_limit.hpp>
 
 #include <cstdint>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 
 #include "formats/bin.hpp"
 #include "formats/file_bytes.hpp"
@@ -15,7 +17,7 @@ namespace {
 
 /// What is larger is a map (`cloud_file.hpp`): it would be read into memory as a whole.
 constexpr std::uintmax_t kMostFileBytes = std::uintmax_t{1} << 30U;
-constexpr std::size_t kMostScanPoints = 20'000'000;
+thread_local std::size_t most_scan_points = 20'000'000;
 
 ScanFormat format_of(const std::filesystem::path& file) {
   const std::string extension = file.extension().string();
@@ -27,6 +29,11 @@ ScanFormat format_of(const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+ScanLimit::ScanLimit(std::size_t max_points)
+    : before_(std::exchange(most_scan_points, max_points)) {}
+
+ScanLimit::~ScanLimit() { most_scan_points = before_; }
 
 std::size_t raw_point_bytes(ScanFormat format) {
   switch (format) {
@@ -72,8 +79,8 @@ DecodedScan read_scan_file(const std::filesystem::path& file, const ScanFileHint
         "at most " + std::to_string(kMostFileBytes) + "; a whole map is read by `stillmap import`");
   const FileBytes bytes = read_bytes(file);
   return format == ScanFormat::kBinXyzi
-             ? decode_bin(bytes.span(), hints.bin_columns, file.string(), kMostScanPoints)
-             : decode_scan(bytes.span(), format, file.string(), kMostScanPoints, hints.stamp_ns);
+             ? decode_bin(bytes.span(), hints.bin_columns, file.string(), most_scan_points)
+             : decode_scan(bytes.span(), format, file.string(), most_scan_points, hints.stamp_ns);
 }
 
 }  // namespace stillmap::maps

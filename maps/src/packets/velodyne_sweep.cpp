@@ -1,6 +1,7 @@
 #include "packets/velodyne_sweep.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 
 #include <fmt/format.h>
 
@@ -79,7 +80,7 @@ void VelodyneSweep::set_model(std::span<const std::byte> packet) {
   model_ = model;
   if (lasers_.empty()) lasers_ = usual_lasers(*model);
   if (lasers_.size() < model->lasers)
-    throw InputError(
+    throw CalibrationError(
         name_,
         lasers_.empty() ? fmt::format("packets of {}, whose lasers differ from sensor "
                                       "to sensor",

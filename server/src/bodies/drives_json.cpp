@@ -75,12 +75,12 @@ std::string read_choice_json(std::string_view text) {
   std::string choice = found.is_string() ? found.get<std::string>() : std::string{};
   try {
     if (choice.empty() || std::any_of(choice.begin(), choice.end(), is_control))
-      throw maps::InputError("choice", "no text", "cloud=TOPIC");
+      refuse("choice", found, "words as in cloud=/front&poses=/odom, without control characters");
     maps::check_recording_choice(choice, "choice");
-  } catch (const maps::InputError&) {
-    refuse("choice", found,
-           "cloud=TOPIC, poses=TOPIC, pose_frame=FRAME, gnss=TOPIC, imu=TOPIC, points=map, "
-           "stamps=recorded or calibration=NAME, joined by &");
+  } catch (const maps::InputError& error) {
+    const std::string_view why = error.what();
+    constexpr std::string_view kExpected = ", expected ";
+    refuse("choice", found, std::string(why.substr(why.rfind(kExpected) + kExpected.size())));
   }
   return choice;
 }

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <stdexcept>
 #include <stillmap/maps/content_digest.hpp>
+#include <stillmap/maps/drive_address.hpp>
 #include <string>
 #include <utility>
 #include <vector>
@@ -183,7 +184,7 @@ void print_content_digest(const std::filesystem::path& path, const JsonOutput& j
 }
 
 void print_for_people(const maps::ChoiceError& error, const std::filesystem::path& path) {
-  const std::string place = path.string().substr(0, path.string().rfind('?'));
+  const std::string place = maps::split_address(path).place.string();
   Table table;
   table.add("recording", place + ", which needs a choice");
   for (const maps::RecordingTopic& topic : error.topics()) {

@@ -33,7 +33,7 @@ constexpr std::string_view kCheckPoses = "check-poses";
 constexpr std::array<OfflineCommand, 8> kOfflineCommands = {{
     {"build", "Build a map package from drives", kMapper},
     {"rebuild", "Build a new version of a map and judge it against the active one", kMapper},
-    {"import", "Make a map package from a point cloud map (PCD, PLY, LAS)", kMapper},
+    {"import", command_line::kImportDescription, kMapper},
     {"export", "Write a map in a format of other programs", kMapper},
     {"calibrate", "Find how the lidars of a vehicle stand to each other", kMapper},
     {"simulate", "Simulate a drive, with the ground truth beside it", kMapper},

@@ -9,6 +9,10 @@
 
 namespace stillmap::command_line {
 
+/// What `stillmap import` does, for its own help and that of all commands.
+inline constexpr const char* kImportDescription =
+    "Make a map package from a point cloud map (PCD, PLY, LAS, Autoware)";
+
 /// The call of a subcommand of `evaluate` that was given, quoted for a shell, options in the order
 /// of the help.
 [[nodiscard]] std::string command_of(const CLI::App& command);

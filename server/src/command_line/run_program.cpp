@@ -122,8 +122,14 @@ std::string words_of(const CLI::ParseError& error, const CLI::App& app) {
     if (what.ends_with(kEnd))
       return fmt::format("{} is missing; see {}", what.substr(0, what.size() - kEnd.size()), help);
   }
-  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr)
-    return fmt::format("{} needs a value; see {}", what.substr(0, what.find(':')), help);
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
+    const std::string name = what.substr(0, what.find(':'));
+    const CLI::Option* const option = command.get_option_no_throw(name);
+    if (option != nullptr && option->get_expected_min() > 1)
+      return fmt::format("{} needs {} values: {}; see {}", name, option->get_expected_min(),
+                         option->get_type_name(), help);
+    return fmt::format("{} needs a value; see {}", name, help);
+  }
   if (dynamic_cast<const CLI::ConversionError*>(&error) != nullptr) {
     constexpr std::string_view kBegin = "Could not convert: ";
     const std::size_t value = what.find(" = ");

@@ -5,14 +5,16 @@
 #include "errors/upload_errors.hpp"
 #include "handlers/parts.hpp"
 
+#include <stillmap/maps/scan_limit.hpp>
+
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include "store/store_refusal.hpp"
 
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <utility>
 
 namespace stillmap::server {
 namespace {
@@ -65,15 +67,30 @@ HttpResponse list_drives(const Context& context, const PathParameters& path) {
   return json_response(drive_list_json(drives));
 }
 
-/// What cannot be inspected, as a drive with a broken scan, is a drive all the same: its build says
-/// so, or selects other scans.
-std::string inspect_drive(const OpenedDrive& opened) {
-  if (opened.needs_choice) return listed_inspection_json(*opened.needs_choice);
+/// A drive with a broken scan is a drive all the same: its build may not read that scan.
+std::string unreadable_json(const maps::Drive& drive, const std::exception& error) {
+  DriveSummary summary = summarize_unread(drive);
+  summary.check.findings.push_back(
+      {"unreadable", fmt::format("a scan could not be inspected: {}", error.what()),
+       "if a build of the drive fails too, repair or remove the scan, and upload the drive again"});
+  return listed_inspection_json(summary);
+}
+
+/// @param max_points  of a scan.
+DriveStore::Found inspect_drive(const OpenedDrive& opened, std::size_t max_points) {
+  const maps::ScanLimit limit(max_points);
+  if (opened.needs_choice) return {{}, listed_inspection_json(*opened.needs_choice)};
+  const maps::Drive& drive = *opened.drive;
   try {
-    return listed_inspection_json(summarize(*opened.drive));
+    return {{}, listed_inspection_json(summarize(drive))};
+  } catch (const maps::StorageError&) {
+    throw;
+  } catch (const maps::CalibrationError& error) {
+    if (!maps::takes_recording_choice(drive.contents().root))
+      return {{}, unreadable_json(drive, error)};
+    return {error.what(), listed_inspection_json(maps::ChoiceError(error, topic_of_clouds(drive)))};
   } catch (const std::exception& error) {
-    spdlog::warn("an uploaded drive could not be inspected: {}", error.what());
-    return {};
+    return {{}, unreadable_json(drive, error)};
   }
 }
 
@@ -84,7 +101,9 @@ HttpResponse complete_drive(const Context& context, const HttpRequest& request,
                                 .choice = read_choice_json(request.body)};
   const std::filesystem::path store = context.store.folder();
   wanted.inspect = [&](const OpenedDrive& opened) {
-    return without_folder(inspect_drive(opened), store);
+    DriveStore::Found found = inspect_drive(opened, context.options.max_scan_points);
+    found.inspection = without_folder(std::move(found.inspection), store);
+    return found;
   };
   const StoredDrive drive = find_drive(context, path);
   return with_upload_errors(store, [&] {

@@ -1,5 +1,6 @@
 #include <stillmap/mapping/lidar_calibration.hpp>
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/drive_address.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/lidar_set.hpp>
@@ -108,24 +109,27 @@ void print_calibration(const fs::path& lidar, const LidarCalibration& found) {
                fmt::join(open, ", "), "over slopes and in turns to both sides, near walls");
 }
 
+/// Without `.`, `..` and a slash at its end; a link at its end is not followed.
+fs::path absolute_place(const fs::path& place) {
+  const fs::path normal = fs::absolute(place).lexically_normal();
+  return normal.has_filename() ? normal : normal.parent_path();
+}
+
 /// The drives as `lidars.json` names them. @throws InputError for one in another folder.
 std::vector<maps::MountedLidar> named_beside(const CalibrateArguments& arguments) {
-  const fs::path folder = fs::weakly_canonical(arguments.output).parent_path();
+  const fs::path folder = fs::weakly_canonical(absolute_place(arguments.output).parent_path());
   std::vector<maps::MountedLidar> named;
   std::vector<fs::path> drives = {arguments.reference};
   drives.insert(drives.end(), arguments.lidars.begin(), arguments.lidars.end());
   for (const fs::path& drive : drives) {
-    std::string place = drive.string();
-    const std::size_t mark = fs::exists(drive) ? std::string::npos : place.rfind('?');
-    const std::string words = mark == std::string::npos ? "" : place.substr(mark);
-    place.resize(std::min(mark, place.size()));
-    while (place.size() > 1 && place.ends_with('/')) place.pop_back();
-    const fs::path canonical = fs::weakly_canonical(place);
-    if (canonical.parent_path() != folder)
-      throw maps::InputError(drive.string(), "a drive in " + canonical.parent_path().string(),
-                             "one beside " + arguments.output.string() +
-                                 ": put the drives and the file into one folder");
-    named.push_back({canonical.filename().string() + words});
+    const auto [given, words] = maps::split_address(drive);
+    const fs::path place = absolute_place(given);
+    if (fs::weakly_canonical(place.parent_path()) != folder)
+      throw maps::InputError(
+          drive.string(), "a drive in " + place.parent_path().string(),
+          "one beside " + arguments.output.string() +
+              ": put the drives, or links to them, and the file into one folder");
+    named.push_back({place.filename().string() + (words.empty() ? "" : "?" + words)});
   }
   return named;
 }
@@ -134,16 +138,18 @@ void calibrate(const CalibrateArguments& arguments) {
   std::vector<maps::MountedLidar> named;
   if (!arguments.output.empty()) named = named_beside(arguments);
   const maps::Drive reference = maps::Drive::open(arguments.reference);
+  // All at first: a calibration takes minutes.
+  std::vector<maps::Drive> lidars;
+  for (const fs::path& lidar : arguments.lidars) lidars.push_back(maps::Drive::open(lidar));
   nlohmann::ordered_json json = {{"reference", arguments.reference.string()},
                                  {"lidars", nlohmann::ordered_json::array()},
                                  {"version", STILLMAP_VERSION}};
   for (std::size_t i = 0; i < arguments.lidars.size(); ++i) {
-    const maps::Drive lidar = maps::Drive::open(arguments.lidars[i]);
     LidarCalibration found;
     {
       command_line::ProgressBar bar;
       found =
-          mapping::calibrate_lidars({reference, lidar, arguments.threads,
+          mapping::calibrate_lidars({reference, lidars[i], arguments.threads,
                                      [&bar](std::string_view stage, std::size_t done,
                                             std::size_t total) { bar.update(stage, done, total); }},
                                     command_line::cancel_flag());
@@ -174,8 +180,10 @@ void add_calibrate(CLI::App& app) {
       ->add_option("REFERENCE", arguments->reference, "Drive of the lidar that the others stand to")
       ->required()
       ->check(command_line::existing_drive());
+  // With the reference no more than lidars.json may name.
   command->add_option("LIDAR", arguments->lidars, "Drives of the other lidars")
       ->required()
+      ->expected(1, maps::kMostLidars - 1)
       ->check(command_line::existing_drive());
   command
       ->add_option("-o,--output", arguments->output,

@@ -90,8 +90,7 @@ void import_cloud(const ImportArguments& arguments) {
 void add_import(CLI::App& app) {
   auto arguments = std::make_shared<ImportArguments>();
   mapping::MapImportOptions& options = arguments->options;
-  CLI::App* command = app.add_subcommand(
-      "import", "Make a map package from a point cloud map (PCD, PLY, LAS, Autoware)");
+  CLI::App* command = app.add_subcommand("import", command_line::kImportDescription);
   command
       ->add_option("FILE", arguments->file,
                    "Point cloud: x y z [m] in the map frame, z up, floats or doubles, intensity if "

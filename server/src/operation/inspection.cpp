@@ -111,7 +111,7 @@ std::optional<ImuSummary> imu_summary(const maps::Drive::Contents& contents) {
 
 }  // namespace
 
-DriveSummary summarize(const maps::Drive& drive) {
+DriveSummary summarize_unread(const maps::Drive& drive) {
   const maps::Drive::Contents& contents = drive.contents();
   DriveSummary summary;
   summary.layout = contents.layout;
@@ -131,6 +131,13 @@ DriveSummary summarize(const maps::Drive& drive) {
   if (summary.duration_s > 0.0) {
     summary.rate_hz = static_cast<double>(drive.size() - 1) / summary.duration_s;
   }
+  summary.imu = imu_summary(contents);
+  return summary;
+}
+
+DriveSummary summarize(const maps::Drive& drive) {
+  DriveSummary summary = summarize_unread(drive);
+  if (drive.size() == 0) return summary;
   const maps::Scan first = drive.read(0);
   summary.first_scan_points = first.cloud.size();
   // All zero where a scan counts as taken at once.
@@ -139,10 +146,9 @@ DriveSummary summarize(const maps::Drive& drive) {
                   [](float time_s) { return time_s != 0.0F; });
   summary.first_scan_dropped = first.dropped;
   // The angles of several lidars together fit none.
-  if (contents.lidars.empty()) summary.sensors = maps::guess_sensors(first);
+  if (drive.contents().lidars.empty()) summary.sensors = maps::guess_sensors(first);
   for (const Eigen::Vector3f& p : first.cloud.positions)
     summary.first_scan_bounds.extend(p.cast<double>());
-  summary.imu = imu_summary(contents);
   summary.check = maps::check_drive(drive);
   return summary;
 }

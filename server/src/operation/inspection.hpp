@@ -33,7 +33,6 @@ struct MapSummary {
   std::optional<maps::BentPlaces> bent;
 };
 
-/// What a drive holds.
 /// The IMU of a drive.
 struct ImuSummary {
   /// Topic or file.
@@ -47,6 +46,7 @@ struct ImuSummary {
   double last_s = 0.0;
 };
 
+/// What a drive holds.
 struct DriveSummary {
   maps::DriveLayout layout = maps::DriveLayout::kScanFolder;
   std::size_t scans = 0;
@@ -103,6 +103,8 @@ struct TrajectorySummary {
 [[nodiscard]] bool is_map_package(const std::filesystem::path& folder);
 
 [[nodiscard]] MapSummary summarize(const maps::MapPackage& package);
+/// What is known of a drive before a scan of it is read.
+[[nodiscard]] DriveSummary summarize_unread(const maps::Drive& drive);
 /// Reads the first scan and those of `maps::check_drive`. @throws as `maps::Drive::read`.
 [[nodiscard]] DriveSummary summarize(const maps::Drive& drive);
 /// Reads the whole file, in pieces. @throws maps::InputError, maps::StorageError.

@@ -1,6 +1,7 @@
 #include "store/archive.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/text.hpp>
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -70,6 +71,27 @@ fs::path drive_root(const fs::path& target) {
   }
 }
 
+maps::Drive opened_with(const fs::path& root, const std::string& choice) {
+  maps::Drive drive = maps::Drive::open(root.string() + (choice.empty() ? "" : "?" + choice));
+  if (drive.size() == 0)
+    throw maps::InputError(root.string(), "a drive without scans",
+                           "one scan at least: pack the folder that holds the scans");
+  return drive;
+}
+
+/// What can be chosen of a recording that was refused; nothing if no choice opens it.
+std::optional<std::vector<maps::RecordingTopic>> topics_of_recording(const fs::path& root) {
+  // Whatever is wrong with the rest, the clouds can be read so.
+  const std::string easiest = "poses=none&imu=none&points=sensor&stamps=recorded";
+  try {
+    return topic_of_clouds(opened_with(root, easiest));
+  } catch (const maps::ChoiceError& error) {
+    return error.topics();
+  } catch (const maps::InputError&) {
+    return std::nullopt;
+  }
+}
+
 /// The files behind `concatenated`.
 class Parts {
  public:
@@ -127,28 +149,48 @@ ByteSource concatenated(std::vector<fs::path> files) {
   };
 }
 
-OpenedDrive open_drive_folder(const fs::path& root, const std::string& choice, DiskCalls& calls) {
-  if (!choice.empty()) {
-    const DurableFiles disk(calls);
-    const fs::path half = root / ".incoming-topics";
-    if (fs::exists(half)) disk.remove_file(half);
-    DurableFiles::NewFile file = disk.create(half);
-    file.append(choice);
-    file.finish();
-    disk.rename(half, root / kTopicsFile);
-    disk.sync_folder(root);
-  }
+OpenedDrive open_drive_folder(const fs::path& root, const std::string& choice) {
+  const bool is_recording = maps::takes_recording_choice(root);
+  if (!choice.empty() && !is_recording)
+    throw ChoiceRefused(root.string(),
+                        "the choice '" + choice + "' for a drive that is no recording",
+                        "no choice: leave it out");
   OpenedDrive opened;
   try {
-    opened.drive = maps::Drive::open(root);
+    opened.drive = opened_with(root, choice);
   } catch (const maps::ChoiceError& error) {
     opened.needs_choice = error;
-    return opened;
+  } catch (const maps::InputError& error) {
+    if (!is_recording) throw;
+    const auto topics = topics_of_recording(root);
+    // A wrong choice must not lose what was uploaded, wherever it was made.
+    if (!topics && choice.empty() && !fs::exists(root / kTopicsFile)) throw;
+    opened.needs_choice.emplace(error, topics.value_or(std::vector<maps::RecordingTopic>{}));
   }
-  if (opened.drive->size() == 0)
-    throw maps::InputError(root.string(), "a drive without scans",
-                           "one scan at least: pack the folder that holds the scans");
   return opened;
+}
+
+void keep_choice(const fs::path& root, const std::string& choice, DiskCalls& calls) {
+  if (choice.empty()) return;
+  const DurableFiles disk(calls);
+  const fs::path own = root / kTopicsFile, half = root / ".incoming-topics";
+  const std::string words = maps::merged_recording_choice(
+      choice, fs::exists(own) ? maps::read_text(own) : "", own.string());
+  if (fs::exists(half)) disk.remove_file(half);
+  DurableFiles::NewFile file = disk.create(half);
+  file.append(words);
+  file.finish();
+  disk.rename(half, own);
+  disk.sync_folder(root);
+}
+
+std::vector<maps::RecordingTopic> topic_of_clouds(const maps::Drive& opened) {
+  const maps::Drive::Contents::Entries& entries = opened.contents().entries;
+  return {{.word = "cloud",
+           .name = entries.topic,
+           .type = {},
+           .messages = opened.size(),
+           .frame_id = entries.frame_id}};
 }
 
 ExtractedDrive extract_drive(const IncomingArchive& archive, const fs::path& target,
@@ -157,7 +199,7 @@ ExtractedDrive extract_drive(const IncomingArchive& archive, const fs::path& tar
   TargetFolder folder(target, disk);
   const ArchiveFiles found = unpack_archive(archive, folder.path(), disk, /*hashed=*/false);
   ExtractedDrive drive{.root = drive_root(folder.path()), .opened = {}, .archive = found.archive};
-  drive.opened = open_drive_folder(drive.root, choice, calls);
+  drive.opened = open_drive_folder(drive.root, choice);
   folder.sync(found.folders);
   folder.keep();
   return drive;

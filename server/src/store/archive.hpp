@@ -75,15 +75,29 @@ ExtractedArchive extract_archive(const IncomingArchive& archive,
 /// Of a recording's folder: what is taken of it (`maps::Drive::open`).
 inline constexpr const char* kTopicsFile = "topics.txt";
 
+/// A choice for a drive that takes none.
+class ChoiceRefused : public maps::InputError {
+ public:
+  using InputError::InputError;
+};
+
 /// A drive that lies in a folder, or the choice that it needs to be one.
 struct OpenedDrive {
   std::optional<maps::Drive> drive;
   std::optional<maps::ChoiceError> needs_choice;
 };
-/// @param choice  written to the folder's `kTopicsFile` before, synced; none if empty.
-/// @throws InputError when `Drive` cannot open it with any choice, or it has no scan.
-OpenedDrive open_drive_folder(const std::filesystem::path& root, const std::string& choice,
-                              DiskCalls& calls = DiskCalls::real());
+/// @param choice  of a recording, before the words of its own `kTopicsFile`; none if empty. With
+/// one, or with that file, a recording that cannot be opened always needs another.
+/// @throws ChoiceRefused for a choice of a drive that is no recording; InputError when `Drive`
+/// cannot open it with any choice, or it has no scan.
+[[nodiscard]] OpenedDrive open_drive_folder(const std::filesystem::path& root,
+                                            const std::string& choice);
+/// Writes a choice that opens the folder into its `kTopicsFile`, synced. Words of the file that the
+/// choice leaves open stay. Nothing if it is empty.
+void keep_choice(const std::filesystem::path& root, const std::string& choice,
+                 DiskCalls& calls = DiskCalls::real());
+/// What is known to choose of a recording that was opened, for a `ChoiceError`.
+[[nodiscard]] std::vector<maps::RecordingTopic> topic_of_clouds(const maps::Drive& opened);
 
 struct ExtractedDrive {
   /// The target, or the single folder in it that holds the drive.
@@ -92,7 +106,7 @@ struct ExtractedDrive {
   ExtractedArchive archive;
 };
 
-/// As `extract_archive`, of an archive that holds one drive. @param choice  as above.
+/// As `extract_archive`, of an archive that holds one drive. @param choice  as above; not kept.
 /// @throws as `extract_archive` and `open_drive_folder`.
 ExtractedDrive extract_drive(const IncomingArchive& archive, const std::filesystem::path& target,
                              DiskCalls& calls = DiskCalls::real(), const std::string& choice = {});

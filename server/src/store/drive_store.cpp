@@ -1,6 +1,7 @@
 #include "store/drive_store.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 #include <stillmap/maps/text.hpp>
 #include "store/drive_table.hpp"
 #include "store/received_file.hpp"
@@ -38,8 +39,11 @@ bool has_part(const std::vector<DrivePart>& parts, std::int64_t n) {
 
 void refuse_if_not_open(const StoredDrive& drive) {
   if (drive.status == DriveStatus::kOpen) return;
-  throw StoreRefusal(StoreRefusal::Reason::kDriveNotOpen,
-                     drive_name(drive) + " is " + std::string(name_of(drive.status)));
+  throw StoreRefusal(
+      StoreRefusal::Reason::kDriveNotOpen,
+      drive_name(drive) + (drive.status == DriveStatus::kNeedsChoice
+                               ? ": its upload has ended; it needs a choice of topics"
+                               : " is " + std::string(name_of(drive.status))));
 }
 
 void refuse_if_too_large(const StoredDrive& drive, std::uint64_t bytes, std::uint64_t most,
@@ -51,11 +55,18 @@ void refuse_if_too_large(const StoredDrive& drive, std::uint64_t bytes, std::uin
 }
 
 /// Asked for again with the same choice, a drive that is complete stays so.
-void refuse_other_choice(const fs::path& folder, const std::string& choice) {
+void refuse_other_choice(const StoredDrive& drive, const fs::path& folder,
+                         const std::string& choice) {
+  if (choice.empty()) return;
   const fs::path file = folder / kTopicsFile;
-  if (choice.empty() || (is_there(file) && maps::read_text(file) == choice)) return;
+  std::string made;
+  if (maps::takes_recording_choice(folder) && is_there(file))
+    made = maps::merged_recording_choice(maps::read_text(file), {}, file.string());
+  if (!made.empty() && maps::merged_recording_choice(choice, made, "choice") == made) return;
   throw StoreRefusal(StoreRefusal::Reason::kDriveNotOpen,
-                     "the drive is complete with another choice: upload it again to choose anew");
+                     drive_name(drive) + " is complete already, " +
+                         (made.empty() ? "without a choice" : "with " + made) +
+                         ": to choose anew, upload it again");
 }
 
 /// A file that goes unless it was renamed.
@@ -80,8 +91,10 @@ class Leftover {
 }  // namespace
 
 DriveStore::Found DriveStore::looked_at(const OpenedDrive& opened, const Inspect& inspect) {
-  return {.needs_choice = opened.needs_choice ? opened.needs_choice->what() : "",
-          .inspection = inspect ? inspect(opened) : ""};
+  const std::scoped_lock lock(inspecting_);
+  Found found = inspect ? inspect(opened) : Found{};
+  if (opened.needs_choice) found.needs_choice = opened.needs_choice->what();
+  return found;
 }
 
 /// While it lives nobody else changes this drive.
@@ -185,7 +198,7 @@ StoredDrive DriveStore::complete(std::int64_t id, const Completion& wanted) {
     throw StoreRefusal(StoreRefusal::Reason::kUnknownDrive,
                        "drive " + std::to_string(id) + " is an upload of a version");
   if (drive.status == DriveStatus::kNeedsChoice) return choose(drive, wanted);
-  if (drive.status == DriveStatus::kComplete) refuse_other_choice(folder(id), wanted.choice);
+  if (drive.status == DriveStatus::kComplete) refuse_other_choice(drive, folder(id), wanted.choice);
   StoredDrive done = unpack(drive, wanted);
   const fs::path parts = home(id) / kPartsName;
   if (is_there(parts)) DurableFiles(*calls_).remove_tree(parts);
@@ -199,6 +212,8 @@ StoredDrive DriveStore::unpack(const StoredDrive& drive, const Completion& wante
     return store_.drives().complete(drive.id, now_ns());
   try {
     return note(drive.id, extract(drive.id, wanted));
+  } catch (const ChoiceRefused&) {
+    throw;  // without a choice it may be a drive
   } catch (const maps::InputError& error) {
     store_.drives().fail(drive.id, error.what(), now_ns());
     DurableFiles(*calls_).remove_tree(home(drive.id));
@@ -210,8 +225,10 @@ StoredDrive DriveStore::unpack(const StoredDrive& drive, const Completion& wante
 StoredDrive DriveStore::choose(const StoredDrive& drive, const Completion& wanted) {
   if (wanted.choice.empty()) return drive;
   try {
-    const OpenedDrive opened = open_drive_folder(folder(drive.id), wanted.choice, *calls_);
-    return note(drive.id, looked_at(opened, wanted.inspect));
+    const OpenedDrive opened = open_drive_folder(folder(drive.id), wanted.choice);
+    const Found found = looked_at(opened, wanted.inspect);
+    if (found.needs_choice.empty()) keep_choice(folder(drive.id), wanted.choice, *calls_);
+    return note(drive.id, found);
   } catch (const maps::InputError& error) {
     return store_.drives().ask_for_choice(drive.id, error.what(), drive.inspection);
   }
@@ -267,6 +284,7 @@ DriveStore::Found DriveStore::extract(std::int64_t id, const Completion& wanted)
                                              unpacked, *calls_, wanted.choice);
   // While the drive's files are where it was opened.
   Found found = looked_at(drive.opened, wanted.inspect);
+  if (found.needs_choice.empty()) keep_choice(drive.root, wanted.choice, *calls_);
   // What a drive has beside it stays beside it.
   const fs::path beside = drive.root.parent_path() / kKittiCalibration;
   if (drive.root != unpacked && is_there(beside))

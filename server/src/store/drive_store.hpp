@@ -55,20 +55,28 @@ class DriveStore {
   /// beyond `DriveTable::kMostParts`.
   Added add_part(std::int64_t id, const IncomingPart& wanted, const Limits& limits);
 
-  /// Makes `StoredDrive::inspection`. @throws InputError when the drive cannot be used.
-  using Inspect = std::function<std::string(const OpenedDrive&)>;
+  /// What an inspection says.
+  struct Found {
+    /// Which choice it needs; empty if none.
+    std::string needs_choice;
+    /// `StoredDrive::inspection`.
+    std::string inspection;
+  };
+  /// Looks into a drive. Called for one drive at a time, since scans may be large.
+  using Inspect = std::function<Found(const OpenedDrive&)>;
   struct Completion {
     Limits limits{};
-    /// What is taken of a recording (`maps::check_recording_choice`), put into its `topics.txt`;
-    /// empty leaves it as it came.
+    /// What is taken of a recording (`maps::check_recording_choice`), put into its `topics.txt`
+    /// before the words that are there, once it opens the drive; empty leaves it as it came.
     std::string choice{};
     /// No inspection without it.
     Inspect inspect{};
   };
   /// Unpacks the parts, one after the other a tar (plain, gzip or zstd) of one drive, and lets go
-  /// of them. A recording that needs a choice is kept as it came, as kNeedsChoice; asked for again
-  /// with a choice, it is opened again. What is complete already stays so.
-  /// @throws InputError when they are none: the drive has then failed and its parts are gone;
+  /// of them. A recording that needs a choice, or another one, is kept as it came, as kNeedsChoice;
+  /// asked for again with a choice, it is opened again. What is complete already stays so.
+  /// @throws ChoiceRefused, after which it may be asked for again without a choice; another
+  /// InputError when they are none: the drive has then failed and its parts are gone;
   /// StoreRefusal kUnknownDrive, kDriveNotOpen, kPartsMissing; StorageError, after which it may be
   /// asked for again.
   StoredDrive complete(std::int64_t id, const Completion& wanted);
@@ -88,12 +96,7 @@ class DriveStore {
   class Busy;
   [[nodiscard]] std::filesystem::path make_incoming(std::int64_t id);
   [[nodiscard]] std::vector<std::filesystem::path> parts_of(std::int64_t id) const;
-  struct Found {
-    /// Which choice it needs; empty if none.
-    std::string needs_choice;
-    std::string inspection;
-  };
-  static Found looked_at(const OpenedDrive& opened, const Inspect& inspect);
+  Found looked_at(const OpenedDrive& opened, const Inspect& inspect);
   StoredDrive unpack(const StoredDrive& drive, const Completion& wanted);
   Found extract(std::int64_t id, const Completion& wanted);
   StoredDrive choose(const StoredDrive& drive, const Completion& wanted);
@@ -109,6 +112,8 @@ class DriveStore {
   /// since unpacking takes minutes.
   std::set<std::int64_t> busy_;
   std::uint64_t incoming_ = 0;
+  /// Held while a drive is inspected.
+  std::mutex inspecting_;
 };
 
 }  // namespace stillmap::server

@@ -1,16 +1,19 @@
 #include "store/drive_store.hpp"
 
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/text.hpp>
 #include "store/drive_table.hpp"
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <fstream>
 #include <functional>
 #include <future>
 #include <iterator>
 #include <span>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "support/bag_bytes.hpp"
@@ -143,7 +146,9 @@ TEST_F(DriveStoreTest, FailsForGoodWhenThePartsAreNoDrive) {
 std::string two_clouds() { return tar_file("run.mcap", test::bag_of_two_clouds()) + tar_end(); }
 
 /// What was opened, as an inspection.
-std::string kind_of(const OpenedDrive& opened) { return opened.drive ? "drive" : "recording"; }
+DriveStore::Found kind_of(const OpenedDrive& opened) {
+  return {.needs_choice = {}, .inspection = opened.drive ? "drive" : "recording"};
+}
 
 TEST_F(DriveStoreTest, KeepsARecordingUntilAChoiceOpensIt) {
   add(1, two_clouds());
@@ -179,6 +184,89 @@ TEST_F(DriveStoreTest, TakesTheChoiceThatComesWithTheEndOfTheUpload) {
   add(1, two_clouds());
   EXPECT_EQ(drives_.complete(id_, {.choice = "cloud=/cloud1"}).status, DriveStatus::kComplete);
   EXPECT_EQ(maps::Drive::open(drives_.folder(id_)).contents().entries.topic, "/cloud1");
+}
+
+TEST_F(DriveStoreTest, KeepsARecordingWhoseOnlyTopicWasMistyped) {
+  add(1, tar_file("run.mcap", test::bag_of_clouds({"/points"})) + tar_end());
+  const StoredDrive wrong = drives_.complete(id_, {.choice = "cloud=/point"});
+  EXPECT_EQ(wrong.status, DriveStatus::kNeedsChoice);
+  EXPECT_THAT(wrong.error, HasSubstr("no clouds on /point"));
+  EXPECT_FALSE(fs::exists(drives_.folder(id_) / kTopicsFile)) << "what opens nothing is not kept";
+  const StoredDrive done = drives_.complete(id_, {.choice = "cloud=/points"});
+  EXPECT_EQ(done.status, DriveStatus::kComplete);
+  EXPECT_EQ(maps::Drive::open(drives_.folder(id_)).size(), 1U);
+}
+
+TEST_F(DriveStoreTest, KeepsARecordingWhoseOwnChoiceIsWrong) {
+  add(1, tar_file("run.mcap", test::bag_of_clouds({"/points"})) +
+             tar_file("topics.txt", "cloud=/point\n") + tar_end());
+  EXPECT_EQ(drives_.complete(id_, {}).status, DriveStatus::kNeedsChoice);
+  EXPECT_EQ(drives_.complete(id_, {.choice = "cloud=/points"}).status, DriveStatus::kComplete);
+}
+
+TEST_F(DriveStoreTest, KeepsARecordingThatAnotherChoiceThanATopicOpens) {
+  test::McapBytes bag;
+  bag.add(test::McapBytes::schema(1, "sensor_msgs/msg/PointCloud2") +
+          test::McapBytes::channel(1, 1, "/points"));
+  // Headers without a time.
+  for (const std::uint64_t recorded_ns : {1'000'000'000U, 1'100'000'000U})
+    bag.add(test::McapBytes::message(1, test::one_point(0, 1.0F), recorded_ns));
+  add(1, tar_file("run.mcap", bag.finished()) + tar_end());
+  const StoredDrive asked = drives_.complete(
+      id_, {.inspect = [](const OpenedDrive& opened) {
+        return DriveStore::Found{{}, opened.needs_choice.value().topics().at(0).name};
+      }});
+  EXPECT_EQ(asked.status, DriveStatus::kNeedsChoice);
+  EXPECT_EQ(asked.inspection, "/points") << "which can be chosen";
+  EXPECT_EQ(drives_.complete(id_, {.choice = "stamps=recorded"}).status, DriveStatus::kComplete);
+}
+
+TEST_F(DriveStoreTest, AChoiceLeavesTheWordsThatCameWithTheRecording) {
+  add(1, tar_file("run.mcap", test::bag_of_two_clouds()) +
+             tar_file("topics.txt", "cloud=/cloud1\nimu=none\n") + tar_end());
+  EXPECT_EQ(drives_.complete(id_, {.choice = "cloud=/cloud3&stamps=recorded"}).status,
+            DriveStatus::kNeedsChoice);
+  EXPECT_EQ(drives_.complete(id_, {.choice = "poses=none&cloud=/cloud2"}).status,
+            DriveStatus::kComplete);
+  EXPECT_EQ(maps::read_text(drives_.folder(id_) / kTopicsFile),
+            "cloud=/cloud2&poses=none&imu=none");
+  EXPECT_EQ(drives_.complete(id_, {.choice = "cloud=/cloud2&poses=none"}).status,
+            DriveStatus::kComplete)
+      << "the same words in another order";
+  try {
+    (void)drives_.complete(id_, {.choice = "cloud=/cloud1"});
+    ADD_FAILURE() << "completed with another choice";
+  } catch (const StoreRefusal& refusal) {
+    EXPECT_THAT(refusal.what(), HasSubstr("drive 1 is complete already, with cloud=/cloud2&poses"));
+  }
+}
+
+TEST_F(DriveStoreTest, RefusesAChoiceForWhatIsNoRecordingAndKeepsIt) {
+  add(1, tar());
+  EXPECT_THAT([&] { drives_.complete(id_, {.choice = "cloud=/points"}); },
+              ThrowsSaying<ChoiceRefused>({"no recording", "leave it out"}));
+  EXPECT_EQ(store_.drives().drive(id_).status, DriveStatus::kOpen);
+  EXPECT_EQ(drives_.complete(id_, {}).status, DriveStatus::kComplete);
+  EXPECT_FALSE(fs::exists(drives_.folder(id_) / kTopicsFile));
+  expect_refused(Reason::kDriveNotOpen,
+                 [&] { drives_.complete(id_, {.choice = "cloud=/points"}); });
+}
+
+TEST_F(DriveStoreTest, InspectsOneDriveAtATime) {
+  const std::int64_t other = store_.drives().open("town", "tuesday", 2).id;
+  add(1, tar());
+  drives_.add_part(other, {1, tar().size(), source_of(tar())}, {});
+  std::atomic<int> at_once = 0, most = 0;
+  const auto inspect = [&](const OpenedDrive&) {
+    most = std::max(most.load(), ++at_once);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    --at_once;
+    return DriveStore::Found{};
+  };
+  auto first = std::async(std::launch::async, [&] { drives_.complete(id_, {.inspect = inspect}); });
+  drives_.complete(other, {.inspect = inspect});
+  first.get();
+  EXPECT_EQ(most, 1);
 }
 
 /// As the tar of a day's folder holds it.

@@ -4,6 +4,7 @@
 #include "http/content_digest.hpp"
 #include "service_fixture.hpp"
 #include "support/bag_bytes.hpp"
+#include "support/message_bytes.hpp"
 #include "support/tar_bytes.hpp"
 
 namespace stillmap::server {
@@ -108,6 +109,8 @@ TEST_F(Drives, RecordingThatNeedsAChoiceIsKeptAndListsWhatCanBeChosen) {
                             R"({"choice": "cloud=/x\n"})"}) {
     EXPECT_EQ(body(send("POST", complete, wrong))["errors"][0]["path"], "choice") << wrong;
   }
+  EXPECT_EQ(body(send("POST", complete, R"({"choice": "stamps=none"})"))["errors"][0]["expected"],
+            "stamps=header or stamps=recorded");
   const HttpResponse asked = send("POST", complete);
   EXPECT_EQ(asked.status, 202);
   EXPECT_EQ(body(asked)["status"], "needs_choice");
@@ -130,6 +133,74 @@ TEST_F(Drives, RecordingThatNeedsAChoiceIsKeptAndListsWhatCanBeChosen) {
   EXPECT_TRUE(body(done)["inspection"]["choices"].empty());
   EXPECT_THAT(body(done)["inspection"]["findings"].dump(), HasSubstr("no_poses"));
   EXPECT_EQ(body(send("POST", complete, R"({"choice": "cloud=/cloud1"})"))["code"], "DriveNotOpen");
+}
+
+/// A sweep of an HDL-64E, whose lasers differ from sensor to sensor.
+std::string bag_of_hdl64e() {
+  std::string packet(1206, '\0');
+  const std::string_view banks[] = {"\xff\xee", "\xff\xdd"};
+  for (std::size_t block = 0; block < 12; ++block) packet.replace(100 * block, 2, banks[block % 2]);
+  packet.replace(4, 2, "\x88\x13");
+  test::MessageBytes scan;
+  scan.header(1, "velodyne").put(std::uint32_t{1}).put(std::int32_t{0}).put(std::uint32_t{1});
+  for (const char byte : packet) scan.put(byte);
+  test::McapBytes bag;
+  bag.add(test::McapBytes::schema(1, "velodyne_msgs/msg/VelodyneScan") +
+          test::McapBytes::channel(1, 1, "/velodyne_packets") +
+          test::McapBytes::message(1, scan.str()));
+  return bag.finished();
+}
+
+TEST_F(Drives, RecordingWithoutItsCalibrationNeedsItAsAChoice) {
+  start();
+  const std::string path = open_one();
+  std::string lasers;
+  for (int laser = 0; laser < 64; ++laser)
+    lasers += "- laser_id: " + std::to_string(laser) + "\n  vert_correction: 0.1\n";
+  put(path + "/parts/1", test::tar_file("run.mcap", bag_of_hdl64e()) +
+                             test::tar_file("64e.yaml", lasers) + test::tar_end());
+  const HttpResponse asked = send("POST", path + "/complete");
+  EXPECT_EQ(asked.status, 202);
+  EXPECT_THAT(body(asked)["error"].get<std::string>(), HasSubstr("calibration of 64 lasers"));
+  EXPECT_EQ(body(asked)["inspection"]["choices"][0]["choice"], "cloud=/velodyne_packets");
+  const HttpResponse done =
+      send("POST", path + "/complete", R"({"choice": "calibration=64e.yaml"})");
+  EXPECT_EQ(body(done)["status"], "complete") << done.body;
+  EXPECT_THAT(body(done)["inspection"]["findings"].dump(), Not(HasSubstr("unreadable")));
+}
+
+TEST_F(Drives, DriveWhoseScansCannotBeReadSaysSo) {
+  start();
+  const std::string path = open_one();
+  put(path + "/parts/1", test::tar_file("run.pcd", "VERSION .7\nFIELDS x y\n") + test::tar_end());
+  const HttpResponse done = send("POST", path + "/complete");
+  EXPECT_EQ(body(done)["status"], "complete");
+  const nlohmann::json inspection = body(done)["inspection"];
+  EXPECT_EQ(inspection["scans"], 1);
+  EXPECT_EQ(inspection["findings"][0]["code"], "unreadable");
+  EXPECT_THAT(inspection["findings"][0]["what"].get<std::string>(), HasSubstr("run.pcd"));
+  EXPECT_THAT(done.body, Not(HasSubstr(store_.folder().path().string())));
+}
+
+TEST_F(Drives, ScansOfMoreThanTheMostPointsAreNotInspected) {
+  options_.min_scan_points = options_.max_scan_points = 3;
+  start();
+  const std::string path = open_one();
+  put(path + "/parts/1", tar());
+  const nlohmann::json drive = body(send("POST", path + "/complete"));
+  EXPECT_EQ(drive["status"], "complete");
+  EXPECT_THAT(drive["inspection"]["findings"].dump(), HasSubstr("expected at most 3"));
+}
+
+TEST_F(Drives, ChoiceOfWhatIsNoRecordingIsRefusedAndLosesNothing) {
+  start();
+  const std::string path = open_one();
+  put(path + "/parts/1", tar());
+  const HttpResponse refused = send("POST", path + "/complete", R"({"choice": "cloud=/points"})");
+  EXPECT_EQ(refused.status, 422);
+  EXPECT_THAT(body(refused)["detail"].get<std::string>(), HasSubstr("leave it out"));
+  EXPECT_EQ(body(get(path))["status"], "open");
+  EXPECT_EQ(body(send("POST", path + "/complete"))["status"], "complete");
 }
 
 TEST_F(Drives, BelongToTheirMap) {

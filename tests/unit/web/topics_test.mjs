@@ -3,8 +3,8 @@ import { createRequire } from 'node:module';
 import { test } from 'node:test';
 
 const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
-const { choiceOf, undecided } = await unit('upload/topics');
-const { chosenFile, topicsOf } = await unit('upload/chosen');
+const { asOnPage, choiceOf, undecided } = await unit('upload/topics');
+const { chosenFile, fromDirectoryInput, topicsOf } = await unit('upload/chosen');
 const { McapWriter } = createRequire(new URL('../../../web/package.json', import.meta.url))('@mcap/core');
 
 const kCloud = 'sensor_msgs/msg/PointCloud2';
@@ -115,4 +115,37 @@ test('what has to be chosen is told by the topics', () => {
   assert.deepEqual(undecided([...clouds, ...goals], { cloud: '/a' }), [], 'goals are no poses');
   assert.deepEqual(undecided([clouds[0], poses[0], topic('poses', '/tf', 'tf2_msgs/msg/TFMessage', 9)], {}), [], 'the server compares tf with the topic');
   assert.equal(choiceOf({ gnss: '/fix', cloud: '/a', poses: '', pose_frame: ' base ' }), 'cloud=/a&pose_frame=base&gnss=/fix');
+});
+
+/** A chosen folder. @param files by name: their content */
+const folder = (files) => fromDirectoryInput(Object.entries(files).map(([name, content]) =>
+  Object.assign(content instanceof Blob ? content : new Blob([content]), { name, webkitRelativePath: `run/${name}`, lastModified: 0 })));
+
+test('a folder with lidars.json asks for no topics, since its file chooses them', async () => {
+  const bag = () => mcap([['/a', kCloud, 2], ['/b', kCloud, 2]]);
+  assert.equal((await folder({ 'run.mcap': await bag(), 'lidars.json': '{}' })).topics, undefined);
+  assert.equal((await folder({ 'run.mcap': await bag() })).topics.length, 2);
+});
+
+test('what topics.txt of a folder says is decided', async () => {
+  const { topics, ownWords } = await folder({ 'run.mcap': await mcap([['/a', kCloud, 2], ['/b', kCloud, 2]]), 'topics.txt': 'imu=none\r\ncloud=/b\n' });
+  assert.deepEqual(undecided(topics, {}), ['cloud']);
+  assert.deepEqual(undecided(topics, {}, ownWords), []);
+  assert.deepEqual(undecided(topics, {}, 'imu=none'), ['cloud']);
+});
+
+test('a choice of several lidars, with other words, of the topics that there are', () => {
+  const topics = ['/a', '/b'].map((topic) => ({ word: 'cloud', topic, type: kCloud, messages: 9, choice: '', frame_id: '' }));
+  assert.equal(choiceOf({ cloud: '/b,/a', other: ' stamps=recorded & points=map ' }, topics), 'cloud=/b,/a&stamps=recorded&points=map');
+  assert.equal(choiceOf({ cloud: '/c', poses: '/odom', imu: 'none' }, topics), 'imu=none', 'topics of another file are left out');
+  assert.equal(choiceOf({ cloud: '/a', other: 'cloud=/b' }, topics), 'cloud=/b', 'each word once');
+  assert.deepEqual(undecided(topics, { other: 'cloud=/b' }), []);
+  assert.deepEqual(undecided(topics, { cloud: '/c' }), ['cloud']);
+});
+
+test('what the server asks for is said in the words of the form', () => {
+  assert.equal(asOnPage("drive 3: found clouds on /a, /b, expected one: give 'drive 3?cloud=/a'"),
+    'drive 3: found clouds on /a, /b, expected one: give “cloud=/a”');
+  assert.equal(asOnPage("give 'BAG?calibration=NAME', a file"), 'give “calibration=NAME”, a file');
+  assert.equal(asOnPage("from 'map' to 'lidar': why?"), "from 'map' to 'lidar': why?");
 });

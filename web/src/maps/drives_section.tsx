@@ -8,9 +8,9 @@ import { say } from '../ui/notices.js';
 import { Badge, Trouble, type Tone } from '../ui/parts.js';
 import { useStore } from '../state/store.js';
 import { UploadDialog } from '../upload/dialog.js';
-import { uploads } from '../upload/manager.js';
+import { dismissDrive, uploads } from '../upload/manager.js';
 import { forgetUpload, remembered } from '../upload/remembered.js';
-import { choiceOf, undecided, type Selected } from '../upload/topics.js';
+import { asOnPage, choiceOf, undecided, type Selected } from '../upload/topics.js';
 import { TopicsForm } from '../upload/topics_form.js';
 import type { DriveRow } from './facts.js';
 
@@ -118,20 +118,23 @@ function ChooseTopics({ drive, onClose, onChange }: { drive: DriveRow; onClose: 
   const [now, setNow] = useState(drive);
   const [selected, setSelected] = useState<Selected>({});
   const topics = now.inspection?.choices ?? [];
-  const ready = choiceOf(selected) !== '' && undecided(topics, selected).length === 0;
+  const choice = choiceOf(selected, topics);
+  const ready = choice !== '' && undecided(topics, selected).length === 0;
   const act = async (): Promise<boolean> => {
     const { data } = await ask('post', '/v1/maps/{map}/drives/{drive}/complete', {
-      path: { map: drive.map, drive: drive.id }, json: { choice: choiceOf(selected) }, timeoutS: kOpenS,
+      path: { map: drive.map, drive: drive.id }, json: { choice }, timeoutS: kOpenS,
     });
     onChange();
     setNow(data);
-    if (data.status === 'complete') say({ kind: 'good', text: `The drive “${drive.name}” is complete.` });
-    return data.status === 'complete';
+    if (data.status !== 'complete') return false;
+    dismissDrive(drive.map, drive.id);
+    say({ kind: 'good', text: `The drive “${drive.name}” is complete.` });
+    return true;
   };
   return (
     <Confirm title={`Choose the topics of “${drive.name}”`} verb="Use these topics" ready={ready} act={act} onClose={onClose}>
-      <p class="remark" role="status">{now.error}</p>
-      <TopicsForm topics={topics} selected={selected} onSelect={setSelected} withFrame />
+      <p class="remark" role="status">{firstUpper(asOnPage(now.error))}.</p>
+      <TopicsForm topics={topics} selected={selected} onSelect={setSelected} withRest />
     </Confirm>
   );
 }
@@ -140,6 +143,7 @@ function DeleteDrive({ drive, onClose, onChange }: { drive: DriveRow; onClose: (
   const act = async (): Promise<void> => {
     await ask('delete', '/v1/maps/{map}/drives/{drive}', { path: { map: drive.map, drive: drive.id } });
     forgetUpload(drive.map, 'drives', drive.id);
+    dismissDrive(drive.map, drive.id);
     say({ kind: 'good', text: `Deleted the drive “${drive.name}”.` });
     onChange();
   };

@@ -3,12 +3,13 @@ import { ask, type Schema } from '../api/client.js';
 import { toApiError, type ApiError } from '../api/errors.js';
 import { watchJob } from '../jobs/watch.js';
 import { go, linkTo } from '../state/router.js';
-import { bytes, date } from '../ui/format.js';
+import { bytes, date, firstUpper } from '../ui/format.js';
 import { Icon } from '../ui/icon.js';
 import { forget, useKept } from '../ui/kept.js';
 import { useLoad } from '../ui/load.js';
 import { Empty, Field, Trouble } from '../ui/parts.js';
 import { faultOfName } from '../upload/names.js';
+import { asOnPage } from '../upload/topics.js';
 import type { DriveRow } from './facts.js';
 import { kNoChoices, requestOf, type RebuildChoices } from './rebuild_choices.js';
 import { RebuildOptions } from './rebuild_options.js';
@@ -39,7 +40,7 @@ function NoDrive({ map, begun }: { map: string; begun: readonly DriveRow[] }) {
   return (
     <Empty title={first === undefined ? 'This map has no drives yet' : `“${nameOf(first)}” is not complete yet`}>
       {first === undefined ? <p>New versions are built from drives. Upload a drive on the map’s page, as a folder or a tar.</p>
-        : first.status === 'needs_choice' ? <p>It has several topics that a map could be built of. Choose them on the map’s page.</p>
+        : first.status === 'needs_choice' ? <p>It needs a choice, which you make on the map’s page. {firstUpper(asOnPage(first.error))}.</p>
         : <p role="status">{bytes(first.bytes)} have arrived. This page continues when the drive is complete.</p>}
       <a class="button" href={linkTo('maps', [map])}>Open {map}</a>
     </Empty>

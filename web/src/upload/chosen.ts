@@ -15,6 +15,8 @@ export interface Chosen {
   files: number;
   /** Of a recording whose files have an index; else undefined. */
   topics?: Topic[] | undefined;
+  /** What the folder's own `topics.txt` says of them. */
+  ownWords?: string | undefined;
 }
 
 /** One file of an `<input type=file>`. A recording is a whole drive, and is packed like a folder. */
@@ -30,9 +32,15 @@ async function chosenFolder(name: string, files: readonly TarEntry[]): Promise<C
   const look = lookAtFolder(name, wanted.map(({ path }) => path));
   if ('refused' in look) return { name, look, content: new Blob([]), changedMs, files: wanted.length };
   const recordings = wanted.filter(({ path }) => kIndexed.test(path));
-  const topics = recordings.length === 0 ? undefined : await topicsOf(recordings.map(({ file }) => file));
-  return { name, look, content: tarOf(wanted), changedMs, files: wanted.length, topics };
+  // Of several drives as one, lidars.json chooses.
+  const asks = recordings.length > 0 && !wanted.some(({ path }) => /(^|\/)lidars\.json$/.test(path));
+  const topics = asks ? await topicsOf(recordings.map(({ file }) => file)) : undefined;
+  const own = wanted.find(({ path }) => /(^|\/)topics\.txt$/.test(path));
+  const ownWords = topics === undefined ? undefined : await own?.file.slice(0, kMostWordsBytes).text();
+  return { name, look, content: tarOf(wanted), changedMs, files: wanted.length, topics, ownWords };
 }
+
+const kMostWordsBytes = 1 << 16;
 
 /** Undefined if a file has no index: then the server tells the topics after the upload, or what is broken. */
 export async function topicsOf(recordings: readonly Blob[]): Promise<Topic[] | undefined> {

@@ -33,11 +33,11 @@ export interface UploadDialogProps {
 
 /** Asks what to upload and where, and starts the upload. */
 export function UploadDialog({ onClose, chosen: first, map, resume }: UploadDialogProps) {
-  const [chosen, setChosen] = useState(first);
+  const [{ chosen, count }, setChosen] = useState({ chosen: first, count: 0 });
   const [error, setError] = useState<ApiError>();
   const choose = (promise: Promise<Chosen | undefined>): void => {
     setError(undefined);
-    promise.then((next) => next !== undefined && setChosen(next), (reason: unknown) => setError(toApiError(reason)));
+    promise.then((next) => next !== undefined && setChosen((now) => ({ chosen: next, count: now.count + 1 })), (reason: unknown) => setError(toApiError(reason)));
   };
   const title = resume === undefined ? 'Upload' : `Resume “${resume.name}”`;
   const isUsable = chosen !== undefined && 'kind' in chosen.look;
@@ -47,7 +47,7 @@ export function UploadDialog({ onClose, chosen: first, map, resume }: UploadDial
       <Chooser chosen={chosen} choose={choose} />
       {error !== undefined && <Trouble error={error} />}
       {chosen !== undefined && 'refused' in chosen.look && <p class="trouble" role="alert">{chosen.look.refused}</p>}
-      {isUsable && <Where key={chosen.name} chosen={chosen} map={map} resume={resume} onClose={onClose} />}
+      {isUsable && <Where key={count} chosen={chosen} map={map} resume={resume} onClose={onClose} />}
       {!isUsable && (
         <div class="actions"><span class="grow" /><button type="button" onClick={onClose}>Cancel</button></div>
       )}
@@ -119,13 +119,13 @@ function Where({ chosen, map: fixedMap, resume, onClose }: WhereProps) {
   const mapFault = faultOfName(map);
   const nameFault = resume === undefined ? faultOfUploadName(kind, name) : undefined;
   const topics = kind === 'drive' ? (chosen.topics ?? []) : [];
-  const isSound = mapFault === undefined && nameFault === undefined && undecided(topics, selected).length === 0;
+  const isSound = mapFault === undefined && nameFault === undefined && undecided(topics, selected, chosen.ownWords).length === 0;
   const begun = resume === undefined
     ? begunWith({ map, collection: collectionOf(kind), name: chosen.name, bytes: chosen.content.size, changedMs: chosen.changedMs }) : undefined;
   const start = (event: Event, resumedId: number | undefined): void => {
     event.preventDefault();
     if (!isSound) return;
-    startUpload({ map, kind, name, chosen, resume: resumedId, choice: choiceOf(selected) });
+    startUpload({ map, kind, name, chosen, resume: resumedId, choice: choiceOf(selected, topics) });
     onClose();
   };
   return (
@@ -140,7 +140,7 @@ function Where({ chosen, map: fixedMap, resume, onClose }: WhereProps) {
           {(props) => <input {...props} value={name} onInput={(event) => setName(event.currentTarget.value)} />}
         </Field>
       )}
-      {topics.length > 0 && <TopicsForm topics={topics} selected={selected} onSelect={setSelected} />}
+      {topics.length > 0 && <TopicsForm topics={topics} selected={selected} onSelect={setSelected} ownWords={chosen.ownWords} />}
       {begun !== undefined && <p class="remark" role="status">An upload of this file was interrupted. “Resume” continues it.</p>}
       <div class="actions">
         {begun !== undefined && <button type="button" disabled={!isSound} onClick={(event) => start(event, undefined)}>Start over</button>}

@@ -61,6 +61,14 @@ export async function dismiss(upload: Upload): Promise<void> {
   uploads.set(uploads.get().filter(({ id }) => id !== upload.id));
 }
 
+/** Removes the uploads of a drive that was deleted, or whose topics were chosen, from the list. */
+export function dismissDrive(map: string, drive: number): void {
+  for (const upload of uploads.get()) {
+    const { outcome } = upload.transfer.view.get();
+    if (upload.plan.map === map && outcome?.is === 'drive' && outcome.drive === drive) void dismiss(upload);
+  }
+}
+
 /** Lets the browser ask before the page is left during an upload. */
 export function guardUploads(): void {
   window.addEventListener('beforeunload', (event) => {

@@ -11,6 +11,8 @@ namespace stillmap::maps {
 
 /// Name of the file that makes a folder a drive of several lidars.
 inline constexpr std::string_view kLidarSetFile = "lidars.json";
+/// That it names.
+inline constexpr int kMostLidars = 16;
 
 /// One lidar of a vehicle with several.
 struct MountedLidar {
@@ -28,7 +30,7 @@ struct MountedLidar {
 };
 
 /// `maps/drives.md` has an example.
-/// @return 2 to 16, the reference first.
+/// @return 2 to `kMostLidars`, the reference first.
 /// @throws InputError naming the file, the place in it and the value; StorageError.
 [[nodiscard]] std::vector<MountedLidar> read_lidar_set(const std::filesystem::path& file);
 

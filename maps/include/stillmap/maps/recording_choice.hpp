@@ -3,6 +3,7 @@
 #include <stillmap/maps/error.hpp>
 
 #include <cstddef>
+#include <filesystem>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -35,9 +36,25 @@ class ChoiceError : public InputError {
   std::vector<RecordingTopic> topics_;
 };
 
+/// Packets of a sensor whose calibration is missing or of another sensor: `calibration=NAME`
+/// chooses one.
+class CalibrationError : public InputError {
+ public:
+  using InputError::InputError;
+};
+
+/// Whether a choice can be made there: of a bag or a rawlog, file or folder; not of a folder with
+/// `lidars.json`, which has one for each drive in it.
+[[nodiscard]] bool takes_recording_choice(const std::filesystem::path& place);
+
 /// Checks the words of a choice, as they stand behind `?` of a drive or in `topics.txt`; whether a
 /// recording has what they name is not checked.
 /// @param source  for messages. @throws InputError.
 void check_recording_choice(std::string_view words, const std::string& source);
+
+/// The words of a choice, and of `own` those that it leaves open, joined by `&` in one order: equal
+/// choices are equal texts. @throws InputError naming `source` as `check_recording_choice`.
+[[nodiscard]] std::string merged_recording_choice(std::string_view words, std::string_view own,
+                                                  const std::string& source);
 
 }  // namespace stillmap::maps

@@ -242,9 +242,11 @@ class Client:
             if on_part is not None:
                 on_part(offset + size, archive.size)
 
+        # While the server applies a choice, the drive still shows that it needs one.
+        ends = ("complete",) if choice else ("complete", "needs_choice")
+
         def look() -> Optional[Dict[str, Any]]:
-            return self._read(lambda json: as_object(json) if json["status"] in ("complete", "needs_choice") else None,
-                              "GET", url)
+            return self._read(lambda json: as_object(json) if json["status"] in ends else None, "GET", url)
 
         done = self._settled(lambda: self._json("POST", f"{url}/complete", {"choice": choice} if choice else None,
                                                 idempotent=False, timeout_s=self._slow_timeout_s), look)
