@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """Two lidars of one vehicle: how well `stillmap calibrate` finds how they stand, and how sharp the map of both is.
 
-usage: two_lidars.py STILLMAP FOLDER [--seeds N ...] [--scans N] [--no-map]
+usage: two_lidars.py STILLMAP FOLDER [--seeds N ...] [--scans N] [--late MS ...] [--no-map]
 
 Simulates a minute of the town with turns, by a lidar over the windscreen and one over the boot, which looks back and
-scans at other times. Fails where the mount is off by more than 1 cm or 0.1 degrees or 4 of its own deviations, or where
-walls or ground are thicker in the map of both lidars than in that of one. Prints errors and their share of sigma.
+scans at other times. The rear lidar's clock is late by each of --late. Fails where the mount is off by more than 1 cm
+or 0.1 degrees or 4 of its own deviations, where the clock is off by more than 4 of its deviations, or where walls or
+ground are thicker in the map of both lidars than in that of one; and where a straight drive by two clocks, which tells
+no mount, gives a file of mounts. Prints errors and their share of sigma.
 """
 
 import argparse
@@ -35,11 +37,10 @@ def rotation_of(roll, pitch, yaw):
             @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]]))
 
 
-def rotation_of_quaternion(q):
-    x, y, z, w = q
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+def angles_of(rotation):
+    """Roll, pitch, yaw [deg]."""
+    return np.degrees([np.arctan2(rotation[2, 1], rotation[2, 2]), -np.arcsin(rotation[2, 0]),
+                       np.arctan2(rotation[1, 0], rotation[0, 0])])
 
 
 def mounts(seed):
@@ -52,13 +53,14 @@ def mounts(seed):
 
 
 def errors_of(mount, front, rear):
-    """Place [m] and turn [rad] that the mount is off by, along the axes of the reference; and in sigmas."""
+    """What x y z [m] and roll pitch yaw [deg] are off by; and in sigmas."""
     front_rotation, rear_rotation = rotation_of(*front[3:]), rotation_of(*rear[3:])
     place = front_rotation.T @ (np.array(rear[:3]) - np.array(front[:3]))
-    turned = rotation_of_quaternion(mount["quaternion"]) @ (front_rotation.T @ rear_rotation).T
-    turn = 0.5 * np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]])
-    errors = np.concatenate([np.array(mount["position"]) - place, np.degrees(turn)])
-    return errors, errors / np.array([value["sigma"] for value in mount["parameters"].values()])
+    truth = [*place, *angles_of(front_rotation.T @ rear_rotation)]
+    values, sigmas = (np.array([each[key] for each in mount["parameters"].values()]) for key in ("value", "sigma"))
+    errors = values - truth
+    errors[3:] = (errors[3:] + 180) % 360 - 180
+    return errors, errors / sigmas
 
 
 def simulate(program, folder, seed, scans):
@@ -70,30 +72,62 @@ def simulate(program, folder, seed, scans):
     return front, rear
 
 
+def late(drive, target, late_s):
+    """The same drive by another clock, without its poses."""
+    target.mkdir()
+    for file in drive.iterdir():
+        if file.name not in ("times.txt", "trajectory.txt", "optimized_poses.txt"):
+            (target / file.name).symlink_to(file.resolve())
+    stamps = [float(word) + late_s for word in (drive / "times.txt").read_text().split()]
+    (target / "times.txt").write_text("".join(f"{stamp:.9f}\n" for stamp in stamps))
+
+
 def thickness_of(program, drive, target):
     """Of the first scans with true poses of the front lidar: what is left is the rear one's mount and times."""
     run(program, "build", drive, "-o", target, "--given-poses", "exact", "--select", ":150", "--detector", "geometric")
     return json.loads((target / "build.json").read_text())["consistency"]
 
 
-def judge(program, folder, seed, scans, with_map):
-    front, rear = simulate(program, folder, seed, scans)
-    run(program, "calibrate", folder / "front", folder / "rear", "-o", folder / "lidars.json",
+def judge_mount(program, folder, name, front, rear, late_ms):
+    """Shares of sigma, by how the mount was found, and what is wrong."""
+    words = f"seed {folder.name}, {late_ms:+g} ms:"
+    run(program, "calibrate", folder / "front", folder / name, "-o", folder / "lidars.json",
         f"--json={folder / 'found.json'}")
     found = json.loads((folder / "found.json").read_text())["lidars"][0]
-    wrong = []
-    shares = {}
+    wrong, shares = [], {}
+    clock = found["time_offset_s"]
+    if clock is None:
+        sys.exit(f"{name}: no clock offset")
+    clock_off = clock["value"] + late_ms / 1000
+    print(f"{words} clock       off by {1000 * clock_off:.2f} ms; in sigmas "
+          f"{clock_off / clock['sigma']:.1f}; {'used' if clock['used'] else 'not used'}")
+    if abs(clock_off) > MOST_SIGMAS * clock["sigma"]:
+        wrong.append(f"{words} clock off by {1000 * clock_off:.2f} ms, more than {MOST_SIGMAS} sigmas")
     for kind in ("from_motion", "from_maps"):
         if found[kind] is None:
-            sys.exit(f"seed {seed}: no mount {kind}")
+            sys.exit(f"{name}: no mount {kind}")
         errors, shares[kind] = errors_of(found[kind], front, rear)
-        print(f"seed {seed} {kind:11} off by {np.round(100 * errors[:3], 2)} cm {np.round(errors[3:], 3)} deg; "
-              f"in sigmas {np.round(shares[kind], 1)}")
+        print(f"{words} {kind:11} off by {np.round(100 * errors[:3], 2)} cm {np.round(errors[3:], 3)} deg; "
+              f"in sigmas {np.round(shares[kind], 1)}", flush=True)
     if np.abs(errors[:3]).max() > MOST_CM / 100 or np.abs(errors[3:]).max() > MOST_DEG:
-        wrong.append(f"seed {seed}: off by more than {MOST_CM} cm or {MOST_DEG} deg")
+        wrong.append(f"{words} off by more than {MOST_CM} cm or {MOST_DEG} deg")
     for kind, share in shares.items():
         if np.abs(share).max() > MOST_SIGMAS:
-            wrong.append(f"seed {seed} {kind}: off by more than {MOST_SIGMAS} sigmas")
+            wrong.append(f"{words} {kind}: off by more than {MOST_SIGMAS} sigmas")
+    return shares, wrong
+
+
+def judge(program, folder, seed, scans, late_ms, with_map):
+    front, rear = simulate(program, folder, seed, scans)
+    all_shares, wrong = [], []
+    for ms in late_ms:
+        name = "rear"
+        if ms != 0:
+            name = f"rear_{ms}"
+            late(folder / "rear", folder / name, ms / 1000)
+        shares, of_this = judge_mount(program, folder, name, front, rear, ms)
+        all_shares.append(shares)
+        wrong += of_this
     if with_map:
         one = thickness_of(program, folder / "front", folder / "map_front")
         both = thickness_of(program, folder, folder / "map_both")
@@ -103,29 +137,51 @@ def judge(program, folder, seed, scans, with_map):
                   f"{1000 * b:.2f} mm by both ({both[kind]['planar_cells']} cells)")
             if not b <= THICKER * a:
                 wrong.append(f"seed {seed}: {kind} are thicker by both lidars")
-    return shares, wrong
+    return all_shares, wrong
+
+
+def writes_what_is_not_known(program, folder):
+    """Whether a straight drive, which tells neither place nor clock, gives a lidars.json all the same."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for name, mount in (("front", "1,0,-0.1,0,5,0"), ("rear", "-1.6,0,-0.1,0,3,180")):
+        run(program, "simulate", "highway", "-o", folder / name, "--scans", 120, "--sensor", "vlp16", "--layout", "pcd",
+            f"--mount={mount}")
+    late(folder / "rear", folder / "late", 1.7)
+    done = subprocess.run([program, "calibrate", folder / "front", folder / "late", "-o", folder / "lidars.json"],
+                          capture_output=True, text=True)
+    print(f"straight, 1.7 s late: exit {done.returncode}: {done.stderr.strip()}")
+    return done.returncode == 0 or (folder / "lidars.json").exists()
 
 
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("stillmap")
     parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[3])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[27])
     parser.add_argument("--scans", type=int, default=600)
+    parser.add_argument("--late", type=float, nargs="+", default=[4, -30, 0], metavar="MS",
+                        help="the last one is that of the map (default: 4 -30 0)")
     parser.add_argument("--no-map", action="store_true")
     arguments = parser.parse_args()
     all_shares, wrong = {"from_motion": [], "from_maps": []}, []
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    if writes_what_is_not_known(arguments.stillmap, arguments.folder / "straight"):
+        wrong.append("a straight drive gave a lidars.json")
     for seed in arguments.seeds:
         folder = arguments.folder / str(seed)
         shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        shares, of_seed = judge(arguments.stillmap, folder, seed, arguments.scans, not arguments.no_map)
-        wrong += of_seed
-        for kind, share in shares.items():
-            all_shares[kind].append(share)
+        folder.mkdir()
+        of_seed, wrong_of_seed = judge(arguments.stillmap, folder, seed, arguments.scans, arguments.late,
+                                       not arguments.no_map)
+        wrong += wrong_of_seed
+        for shares in of_seed:
+            for kind, share in shares.items():
+                all_shares[kind].append(share)
         shutil.rmtree(folder)
     for kind, shares in all_shares.items():
-        print(f"{kind}: root mean square of the errors in sigmas {np.round(np.sqrt(np.mean(np.square(shares), axis=0)), 2)}")
+        in_sigmas = np.sqrt(np.mean(np.square(shares), axis=0))
+        print(f"{kind}: root mean square of the errors in sigmas {np.round(in_sigmas, 2)}")
     sys.exit("\n".join(wrong) if wrong else 0)
 
 

@@ -111,7 +111,7 @@ Eigen::Isometry3d EgoMotion::T_world_in_hand(double time_s) const {
   Eigen::Isometry3d T = world_.terrain->T_world_upright(point, along + yaw);
   return T * Eigen::Translation3d(0.0, 0.0, height_m_ + bob_m) *
          Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY()) *
-         Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX());
+         Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX()) * T_usual_lidar_;
 }
 
 }  // namespace stillmap::simulation

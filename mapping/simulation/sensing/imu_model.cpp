@@ -11,8 +11,11 @@ namespace stillmap::simulation {
 namespace {
 
 constexpr double kGravity = 9.81;
-/// Step of the differences that rates and accelerations are taken from [s].
+/// Step of the differences that rates are taken from [s].
 constexpr double kH = 2e-3;
+/// The same of accelerations: these are means over as much to each side, weighted by a triangle.
+/// The sensor hangs in rubber: paths have jumps of some millimetres, which are no blows.
+constexpr double kForceH = 0.02;
 /// Readings before the first sweep and after the last [s].
 constexpr double kMarginS = 0.2;
 
@@ -51,12 +54,15 @@ std::string imu_csv(const ImuModel& model,
     const Eigen::Isometry3d after = T_world_lidar(t + kH);
     const Eigen::AngleAxisd turn(before.linear().transpose() * after.linear());
     const Eigen::Vector3d acceleration =
-        (before * model.lever_m - 2.0 * (now * model.lever_m) + after * model.lever_m) / (kH * kH);
+        (T_world_lidar(t - kForceH) * model.lever_m - 2.0 * (now * model.lever_m) +
+         T_world_lidar(t + kForceH) * model.lever_m) /
+        (kForceH * kForceH);
     const Eigen::Vector3d rate = turn.angle() / (2.0 * kH) * turn.axis() + gyro.now +
                                  model.gyro_noise * noise * three_normals(random);
-    const Eigen::Vector3d specific =
+    Eigen::Vector3d specific =
         now.linear().transpose() * (acceleration + kGravity * Eigen::Vector3d::UnitZ()) +
         force.now + model.force_noise * noise * three_normals(random);
+    specific = specific.cwiseMax(-model.most_force_mps2).cwiseMin(model.most_force_mps2);
     fmt::format_to(std::back_inserter(csv), "{},{:.7f},{:.7f},{:.7f},{:.6f},{:.6f},{:.6f}\n",
                    stamp_ns(t + model.clock_s), rate.x(), rate.y(), rate.z(), specific.x(),
                    specific.y(), specific.z());

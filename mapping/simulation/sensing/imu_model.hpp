@@ -19,6 +19,8 @@ struct ImuModel {
   /// 175 ug/sqrt(Hz) [m/s^2/sqrt(Hz)], and half of the 20 mg that the data sheet allows [m/s^2].
   double force_noise = 1.7e-3;
   double force_offset_mps2 = 0.1;
+  /// 24 g, where readings end [m/s^2].
+  double most_force_mps2 = 235.4;
   /// Walk of both offsets [rad/s^2/sqrt(Hz), m/s^3/sqrt(Hz)].
   double gyro_walk = 2e-5;
   double force_walk = 3e-4;

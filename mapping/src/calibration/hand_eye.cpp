@@ -82,14 +82,6 @@ Eigen::Vector3d translation_of(std::span<const MotionPair> motions, const Eigen:
   return maps::ldlt_solve(H, g);
 }
 
-/// What is known before: next to nothing.
-Matrix6d prior_information() {
-  Vector6d unknown;
-  unknown.head<3>().setConstant(1.0 / (kUnknownMountM * kUnknownMountM));
-  unknown.tail<3>().setConstant(1.0 / (kUnknownMountRad * kUnknownMountRad));
-  return unknown.asDiagonal();
-}
-
 struct NormalEquations {
   Matrix6d H = Matrix6d::Zero();
   Vector6d g = Vector6d::Zero();
@@ -125,6 +117,13 @@ double scale2_of(std::span<const MotionPair> motions, const Eigen::Isometry3d& X
 
 }  // namespace
 
+Matrix6d unknown_mount_covariance() {
+  Vector6d variances;
+  variances.head<3>().setConstant(kUnknownMountM * kUnknownMountM);
+  variances.tail<3>().setConstant(kUnknownMountRad * kUnknownMountRad);
+  return variances.asDiagonal();
+}
+
 Vector6d difference_of_mounts(const Eigen::Isometry3d& T_reference_lidar,
                               const Eigen::Isometry3d& from) {
   Vector6d difference;
@@ -148,7 +147,7 @@ std::optional<MountEstimate> fit_hand_eye(std::span<const MotionPair> motions) {
   Eigen::Isometry3d& X = estimate.T_reference_lidar;
   X.linear() = *R;
   X.translation() = translation_of(motions, *R);
-  const Matrix6d prior = prior_information();
+  const Matrix6d prior = maps::inverse_of(unknown_mount_covariance());
   for (int round = 0; round < kRounds; ++round) {
     NormalEquations sums = normal_equations(motions, X, scale2_of(motions, X));
     // Of the shift alone: a rotation far from none is no less likely.
@@ -181,8 +180,9 @@ std::optional<MountEstimate> fit_hand_eye_in_blocks(std::span<const MotionPair> 
     std::vector<MotionPair> others;
     for (std::size_t i = 0; i < motions.size(); ++i)
       if (blocks[i] != block) others.push_back(motions[i]);
-    if (const auto fit = fit_hand_eye(others))
-      without.push_back(difference_of_mounts(fit->T_reference_lidar, all->T_reference_lidar));
+    const auto fit = fit_hand_eye(others);
+    if (!fit) return MountEstimate{all->T_reference_lidar, unknown_mount_covariance()};
+    without.push_back(difference_of_mounts(fit->T_reference_lidar, all->T_reference_lidar));
   }
   if (without.size() > 1) all->covariance += jackknife_covariance(without);
   return all;

@@ -29,6 +29,7 @@ struct MountEstimate {
 /// was not observed [m, rad].
 inline constexpr double kUnknownMountM = 5.0;
 inline constexpr double kUnknownMountRad = 1.0;
+[[nodiscard]] maps::Matrix6d unknown_mount_covariance();
 
 /// The mount that makes all motions of one sensor those of the other: least squares of
 /// log(T_lidar^-1 X^-1 T_reference X), rotation parts first for a start. A robust kernel leaves out
@@ -45,7 +46,8 @@ inline constexpr double kUnknownMountRad = 1.0;
 [[nodiscard]] std::optional<MountEstimate> fit_hand_eye(std::span<const MotionPair> motions);
 
 /// `fit` of all and of all but each of some blocks in turn; the spread of these is the covariance
-/// (delete-a-group jackknife), no less than what the fit itself says.
+/// (delete-a-group jackknife), no less than what the fit itself says. If all but one of the blocks
+/// tell no mount, nothing counts as observed.
 /// @param blocks  number of the block of each motion, from 0 on.
 /// @see Busing, Meijer, van der Leeden, "Delete-m Jackknife for Unequal m", Statistics and
 /// Computing 1999.

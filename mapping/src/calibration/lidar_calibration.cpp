@@ -1,10 +1,10 @@
 #include <stillmap/mapping/lidar_calibration.hpp>
 
-#include "calibration/clock_offset.hpp"
 #include "calibration/followed_lidar.hpp"
 #include "calibration/hand_eye.hpp"
 #include "odometry/run_odometry.hpp"
 #include "registration/frame_fit.hpp"
+#include "trajectory/path_difference.hpp"
 
 #include <fmt/format.h>
 #include <stillmap/localization/adjoint.hpp>
@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -27,9 +28,12 @@ constexpr std::int64_t kMotionNs = 4'000'000'000;
 constexpr std::int64_t kMotionStepNs = 500'000'000;
 constexpr double kLeastCommonS = 10.0;
 constexpr std::size_t kBlocks = 10;
-/// Clocks count as equal within this and three deviations [s].
-constexpr double kSameClockS = 0.005;
+/// Clocks count as equal within as many deviations.
 constexpr double kClockSigmas = 3.0;
+/// `lidars.json` takes no more [s].
+constexpr double kMostLidarOffsetS = 1.0;
+/// What is known of a clock without turns or changes of speed [s].
+constexpr double kUnknownClockS = 0.5;
 /// Beyond, a parameter is not observed.
 constexpr double kObservedM = 0.1;
 constexpr double kObservedRad = 1.0 * kRadPerDeg;
@@ -62,6 +66,24 @@ FollowedLidar follow(const LidarCalibrationTask& task, const maps::Drive& drive,
   }
   lidar.path = maps::Trajectory(std::move(path));
   return lidar;
+}
+
+/// Poses by seconds after a stamp.
+std::vector<SmoothPath::Pose> poses_after(const FollowedLidar& lidar, std::int64_t begin_ns) {
+  std::vector<SmoothPath::Pose> poses;
+  for (const maps::StampedPose& pose : lidar.path.poses())
+    poses.push_back({maps::seconds_between(begin_ns, pose.stamp_ns), pose.T_map_lidar});
+  return poses;
+}
+
+std::optional<ClockOffset> clock_offset(const FollowedLidar& reference,
+                                        const FollowedLidar& lidar) {
+  const std::int64_t begin_ns = reference.path.poses().front().stamp_ns;
+  const auto found =
+      path_difference({poses_after(reference, begin_ns), poses_after(lidar, begin_ns)});
+  if (!found || !found->converged || !(found->offset_s.sigma < kUnknownClockS)) return std::nullopt;
+  return ClockOffset{found->offset_s.value, found->offset_s.sigma,
+                     found->offset_s.is_off(0.0, kClockSigmas)};
 }
 
 void shift_clock(FollowedLidar& lidar, std::int64_t offset_ns) {
@@ -106,13 +128,32 @@ CommonMotions common_motions(const FollowedLidar& reference, const FollowedLidar
   return common;
 }
 
-/// @param shared_m, shared_rad  deviations that no part of the drive shows.
-LidarMount mount_of(const MountEstimate& estimate, double shared_m, double shared_rad,
-                    std::size_t used) {
-  Vector6d variances = estimate.covariance.diagonal();
-  variances.head<3>().array() += shared_m * shared_m;
-  variances.tail<3>().array() += shared_rad * shared_rad;
-  return {estimate.T_reference_lidar, variances.cwiseSqrt(), used};
+/// Median speed of the reference along its own axes [m/s].
+Eigen::Vector3d usual_speed(std::span<const MotionPair> motions) {
+  Eigen::Vector3d speed;
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (const MotionPair& motion : motions)
+      values.push_back(motion.T_reference.translation()[axis]);
+    speed[axis] = maps::median(std::move(values)) / (1e-9 * static_cast<double>(kMotionNs));
+  }
+  return speed;
+}
+
+/// Deviations that no part of the drive shows.
+struct SharedErrors {
+  double sigma_m;
+  double sigma_rad;
+  /// By the clock.
+  Eigen::Vector3d shift_m;
+};
+
+LidarMount mount_of(const MountEstimate& estimate, const SharedErrors& shared, std::size_t used) {
+  LidarMount mount{estimate.T_reference_lidar, estimate.covariance, used};
+  mount.covariance.diagonal().head<3>().array() += shared.sigma_m * shared.sigma_m;
+  mount.covariance.diagonal().tail<3>().array() += shared.sigma_rad * shared.sigma_rad;
+  mount.covariance.topLeftCorner<3, 3>() += shared.shift_m * shared.shift_m.transpose();
+  return mount;
 }
 
 std::vector<FrameSight> frame_sights(std::span<const MountSight> sights) {
@@ -147,7 +188,8 @@ Matrix6d covariance_by_parts(std::span<const MountSight> sights, const Eigen::Is
       const double at = maps::seconds_between(first->stamp_ns, sight.stamp_ns) / span_s;
       if (static_cast<std::size_t>(at * kBlocks) != block) others.push_back(sight);
     }
-    if (!others.empty()) without.push_back(difference_of_mounts(mount_from(others, T), T));
+    if (others.empty()) return unknown_mount_covariance();
+    without.push_back(difference_of_mounts(mount_from(others, T), T));
   }
   return jackknife_covariance(without);
 }
@@ -158,8 +200,9 @@ class MapCalibration {
                  const FollowedLidar& lidar, const CancelFlag& cancel)
       : task_(task), reference_(reference), lidar_(lidar), cancel_(cancel) {}
 
-  /// @param start  what the motions tell. @param overlap  set.
+  /// @param start  what the motions tell. @param shift_m  by the clock. @param overlap  set.
   [[nodiscard]] std::optional<LidarMount> run(const Eigen::Isometry3d& start,
+                                              const Eigen::Vector3d& shift_m,
                                               double& overlap) const {
     const std::vector<MountSight> first =
         find_sights({reference_, lidar_, start, kFirstOffM, true, kFirstLookScans, task_.threads,
@@ -182,7 +225,7 @@ class MapCalibration {
     const Eigen::Isometry3d T = changed_mount(other, half);
     Matrix6d covariance = covariance_by_parts(all, mount_from(all, near));
     covariance.diagonal() += half.cwiseAbs2();
-    return mount_of({T, covariance}, kSharedSigmaM, kSharedSigmaRad, all.size());
+    return mount_of({T, covariance}, {kSharedSigmaM, kSharedSigmaRad, shift_m}, all.size());
   }
 
  private:
@@ -201,11 +244,35 @@ class MapCalibration {
 
 }  // namespace
 
+Vector6d LidarMount::values() const {
+  Vector6d values;
+  values << T_reference_lidar.translation(), maps::roll_pitch_yaw_rad(T_reference_lidar.linear());
+  return values;
+}
+
+Vector6d LidarMount::sigma() const {
+  constexpr double kStepRad = 1e-6;
+  Eigen::Matrix3d J;
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    const auto turned = [&](double by_rad) {
+      return maps::roll_pitch_yaw_rad(maps::exp_so3(by_rad * Eigen::Vector3d::Unit(axis)) *
+                                      T_reference_lidar.linear());
+    };
+    const Eigen::Vector3d change = turned(kStepRad) - turned(-kStepRad);
+    for (Eigen::Index k = 0; k < 3; ++k)
+      J(k, axis) = std::remainder(change[k], 2.0 * std::numbers::pi) / (2.0 * kStepRad);
+  }
+  Vector6d variances = covariance.diagonal();
+  variances.tail<3>() = (J * covariance.bottomRightCorner<3, 3>() * J.transpose()).diagonal();
+  return variances.cwiseSqrt();
+}
+
 std::vector<std::string> LidarCalibration::unobserved() const {
   std::vector<std::string> names;
+  const Vector6d sigma = mount().sigma();
   for (std::size_t i = 0; i < kMountParameters.size(); ++i) {
-    const double sigma = mount().sigma[static_cast<Eigen::Index>(i)];
-    if (!(sigma <= (i < 3 ? kObservedM : kObservedRad))) names.emplace_back(kMountParameters[i]);
+    if (!(sigma[static_cast<Eigen::Index>(i)] <= (i < 3 ? kObservedM : kObservedRad)))
+      names.emplace_back(kMountParameters[i]);
   }
   return names;
 }
@@ -214,12 +281,16 @@ LidarCalibration calibrate_lidars(const LidarCalibrationTask& task, const Cancel
   const FollowedLidar reference = follow(task, task.reference, cancel);
   FollowedLidar lidar = follow(task, task.lidar, cancel);
   LidarCalibration calibration;
-  const ClockOffset clock = clock_offset(reference, lidar);
-  calibration.time_offset_s = clock.offset_s;
-  calibration.time_offset_sigma_s = clock.sigma_s;
-  calibration.time_offset_used =
-      std::abs(clock.offset_s) > std::max(kSameClockS, kClockSigmas * clock.sigma_s);
-  if (calibration.time_offset_used) shift_clock(lidar, std::llround(1e9 * clock.offset_s));
+  calibration.clock = clock_offset(reference, lidar);
+  if (calibration.clock && std::abs(calibration.clock->offset_s) > kMostLidarOffsetS)
+    throw maps::InputError(
+        task.lidar.contents().root.string(),
+        fmt::format("a clock that is {:.3f} s from that of {}", -calibration.clock->offset_s,
+                    task.reference.contents().root.string()),
+        fmt::format("{:g} s at most: add {:.3f} s to its stamps", kMostLidarOffsetS,
+                    calibration.clock->offset_s));
+  if (calibration.clock && calibration.clock->is_used)
+    shift_clock(lidar, std::llround(1e9 * calibration.clock->offset_s));
   const CommonMotions common = common_motions(reference, lidar);
   const auto hand_eye = fit_hand_eye_in_blocks(common.motions, common.blocks);
   if (!hand_eye)
@@ -228,10 +299,12 @@ LidarCalibration calibrate_lidars(const LidarCalibrationTask& task, const Cancel
         fmt::format("{} motions of both lidars that do not tell how one is turned to the other",
                     common.motions.size()),
         "a drive with turns and straight ways, of 60 s or so: record one");
-  calibration.from_motion =
-      mount_of(*hand_eye, kMotionSharedSigmaM, kMotionSharedSigmaRad, common.motions.size());
+  const double clock_sigma_s = calibration.clock ? calibration.clock->sigma_s : kUnknownClockS;
+  const Eigen::Vector3d shift_m = clock_sigma_s * usual_speed(common.motions);
+  calibration.from_motion = mount_of(
+      *hand_eye, {kMotionSharedSigmaM, kMotionSharedSigmaRad, shift_m}, common.motions.size());
   calibration.from_maps = MapCalibration(task, reference, lidar, cancel)
-                              .run(hand_eye->T_reference_lidar, calibration.overlap);
+                              .run(hand_eye->T_reference_lidar, shift_m, calibration.overlap);
   return calibration;
 }
 

@@ -114,7 +114,11 @@ class CloudImport {
       find_frame_of_autoware(middle);
     else
       find_frame(summary, middle);
-    return frame_.projection ? rounded(frame_.projection->to_map(middle)) : middle;
+    if (!frame_.projection) return middle;
+    if (!R_map_file_.isIdentity())
+      throw maps::InputError(file_.string(), "coordinates in a grid, whose z is up, with --up",
+                             "z: leave --up out");
+    return rounded(frame_.projection->to_map(middle));
   }
 
   /// Where the map stands, once it is measured.

@@ -4,9 +4,13 @@
 #include <stillmap/maps/imu.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <memory>
+#include <numbers>
 #include <span>
 
 namespace stillmap::mapping {
@@ -19,6 +23,10 @@ constexpr double kMostForce = 10.6;
 /// Of the mean force between two scans, most of it by speeds of scans, and of the bias [m/s^2].
 constexpr double kForceSigma = 0.5;
 constexpr double kBiasSigma = 0.1;
+/// A stronger force is a blow, whose mean is not that of the motion between scans [m/s^2].
+constexpr double kBlowForce = 30.0;
+/// The ground is hardly steeper than this against gravity [deg].
+constexpr double kMostSlopeDeg = 20.0;
 
 /// Readings between two stamps of the scans' clock.
 std::span<const maps::ImuReading> readings_between(const maps::Imu& imu, std::int64_t from_ns,
@@ -30,6 +38,12 @@ std::span<const maps::ImuReading> readings_between(const maps::Imu& imu, std::in
   const auto end =
       std::ranges::lower_bound(all, to_ns - offset_ns, {}, &maps::ImuReading::stamp_ns);
   return {first, end};
+}
+
+bool has_blow(std::span<const maps::ImuReading> readings) {
+  return std::ranges::any_of(readings, [](const maps::ImuReading& reading) {
+    return static_cast<double>(reading.force_mps2.norm()) > kBlowForce;
+  });
 }
 
 /// Mean force in the frame of odometry, with the lidar between two of its orientations.
@@ -45,10 +59,10 @@ Eigen::Vector3d mean_force(std::span<const maps::ImuReading> readings,
 
 }  // namespace
 
-std::optional<Eigen::Vector3d> up_in_odom(const maps::Drive& drive, std::size_t begin,
-                                          std::span<const OdometryPose> poses) {
+Vertical up_in_odom(const maps::Drive& drive, std::size_t begin,
+                    std::span<const OdometryPose> poses) {
   const std::shared_ptr<const maps::Imu>& imu = drive.contents().imu;
-  if (!imu || !imu->fit) return std::nullopt;
+  if (!imu || !imu->fit) return {};
   // Least squares for gravity's reaction g and bias b: force - acceleration = g + R b.
   maps::Matrix6d A = maps::Matrix6d::Zero();
   maps::Vector6d rhs = maps::Vector6d::Zero();
@@ -67,7 +81,7 @@ std::optional<Eigen::Vector3d> up_in_odom(const maps::Drive& drive, std::size_t 
     const std::int64_t from_ns = drive.stamp_ns(begin + i - 1);
     const std::int64_t to_ns = drive.stamp_ns(begin + i);
     const auto readings = readings_between(*imu, from_ns, to_ns);
-    if (readings.empty()) continue;
+    if (readings.empty() || has_blow(readings)) continue;
     const Eigen::Matrix3d R_from = from.T_odom_lidar.linear();
     const Eigen::Matrix3d R_to = to.T_odom_lidar.linear();
     const double step_s = 1e-9 * static_cast<double>(to_ns - from_ns);
@@ -80,11 +94,30 @@ std::optional<Eigen::Vector3d> up_in_odom(const maps::Drive& drive, std::size_t 
     rhs += J.transpose() * force / (kForceSigma * kForceSigma);
     ++steps;
   }
-  if (steps < kLeastSteps) return std::nullopt;
+  if (steps < kLeastSteps)
+    return {{}, fmt::format("fewer than {} scans without blows", kLeastSteps)};
   const Eigen::Vector3d up = maps::ldlt_solve(A, rhs).head<3>();
   const double norm = up.norm();
-  if (!(norm >= kLeastForce && norm <= kMostForce)) return std::nullopt;
-  return Eigen::Vector3d(up / norm);
+  if (!(norm >= kLeastForce && norm <= kMostForce))
+    return {{}, fmt::format("a mean force of {:.2f} m/s^2, expected 9.8: check its unit", norm)};
+  return {Eigen::Vector3d(up / norm), {}};
+}
+
+std::string level(const Vertical& vertical, bool ground_is_seen, Eigen::Isometry3d& T_ground_odom) {
+  if (!vertical.fault.empty())
+    return "vertical from the ground, as the accelerometer shows " + vertical.fault;
+  if (!vertical.up_odom) return {};
+  const Eigen::Vector3d up = T_ground_odom.linear() * *vertical.up_odom;
+  const double off_deg = std::atan2(up.head<2>().norm(), up.z()) * 180.0 / std::numbers::pi;
+  if (ground_is_seen && off_deg > kMostSlopeDeg)
+    return fmt::format(
+        "vertical from the ground, as that of the accelerometer is {:.0f} deg off: check its axes "
+        "and its sign (upward while the sensor stands)",
+        off_deg);
+  T_ground_odom.prerotate(maps::turn_between(up, Eigen::Vector3d::UnitZ()));
+  return ground_is_seen
+             ? fmt::format("vertical from the accelerometer, {:.1f} deg from the ground's", off_deg)
+             : "vertical from the accelerometer";
 }
 
 }  // namespace stillmap::mapping

@@ -210,11 +210,12 @@ PosedDrives with_given_poses(const Build& build) {
   return posed;
 }
 
-PosedDrives with_estimated_poses(const Build& build) {
+PosedDrives with_estimated_poses(Build& build) {
   const std::vector<maps::Drive>& drives = build.shifted;
   const BuildTask& task = build.task;
   const TrajectoryEstimate estimate = estimate_trajectories(
       drives, options_of(task.options, task.odometry), task.scratch, task.progress, task.cancel);
+  build.result.notes.insert(build.result.notes.end(), estimate.notes.begin(), estimate.notes.end());
   PosedDrives posed;
   posed.drives = posed_by(estimate, drives);
   posed.counts = counts_of(estimate);

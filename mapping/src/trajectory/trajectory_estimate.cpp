@@ -14,12 +14,13 @@
 #include <stillmap/mapping/trajectory.hpp>
 #include <stillmap/maps/deskew.hpp>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/small_matrices.hpp>
+#include <stillmap/maps/imu.hpp>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -40,6 +41,8 @@ struct Odometries {
   std::vector<DriveKeyframe> keyframes;
   /// Of each drive, by its first key frame, see `T_ground_lidar`.
   std::vector<Eigen::Isometry3d> T_ground_odom;
+  /// For people.
+  std::vector<std::string> notes;
 };
 
 /// Follows drives by odometry, and gives their key frames to the search for loops.
@@ -76,11 +79,9 @@ class Following {
           drive.contents().root.string(),
           fmt::format("{} scans, all hidden (covered sensor or dust)", estimated.odometry.size()),
           "a drive whose sensor is not covered; leave this drive out of the build");
-    if (const auto up = up_in_odom(drive, estimated.begin, estimated.odometry)) {
-      Eigen::Isometry3d& T_ground_odom = found_.T_ground_odom.back();
-      T_ground_odom.prerotate(
-          maps::turn_between(T_ground_odom.linear() * *up, Eigen::Vector3d::UnitZ()));
-    }
+    const Vertical vertical = up_in_odom(drive, estimated.begin, estimated.odometry);
+    const std::string note = level(vertical, ground_is_seen_, found_.T_ground_odom.back());
+    if (!note.empty()) found_.notes.push_back(drive.contents().imu->source + ": " + note);
   }
 
   [[nodiscard]] Odometries finish() { return std::move(found_); }
@@ -95,6 +96,7 @@ class Following {
     maps::deskew(cloud, pose.twist_lidar);
     if (estimated.keyframes.empty()) {
       Eigen::Isometry3d T_ground_odom = T_ground_lidar(cloud);
+      ground_is_seen_ = !T_ground_odom.isApprox(Eigen::Isometry3d::Identity());
       if (index > options_.begin) T_ground_odom = T_ground_odom * pose.T_odom_lidar.inverse();
       found_.T_ground_odom.push_back(T_ground_odom);
     }
@@ -116,6 +118,8 @@ class Following {
   const ScanReader& read_;
   OdometryDrift drift_;
   Odometries found_;
+  /// From the first key frame of the drive that is followed.
+  bool ground_is_seen_ = false;
 };
 
 bool asks_given(const TrajectoryOptions& options) {
@@ -309,6 +313,7 @@ TrajectoryEstimate estimate_trajectories(const std::vector<maps::Drive>& drives,
   estimate.loops = named(loops, odometries.keyframes, loop_weights);
   if (asks_given(options)) estimate.origin = drives.front().contents().origin;
   estimate.drives = std::move(odometries.drives);
+  if (!asks_given(options)) estimate.notes = std::move(odometries.notes);
   return estimate;
 }
 

@@ -1,5 +1,7 @@
 #include "views/range_view.hpp"
 
+#include <stillmap/localization/thinning.hpp>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -35,9 +37,6 @@ constexpr float kMostDoubtM = 2.0F;
 /// grazing angle cover a longer way within a bin.
 constexpr float kBeyondM = 0.3F;
 constexpr float kBeyondPerM = 0.01F;
-
-/// Nearer than this to a lidar that is not the reference, it meets its own vehicle [m].
-constexpr float kOwnVehicleM = 2.0F;
 
 std::uint16_t quantized(float range_m, float quantum_m) {
   return static_cast<std::uint16_t>(std::clamp(range_m / quantum_m, 1.0F, 65534.0F));
@@ -192,7 +191,8 @@ Look RangeView::look(const Eigen::Vector3f& p, float radius_m, float doubt_m) co
   Look all = own_look(p - origin_, radius_m, doubt_m);
   for (const RangeView& other : others_) {
     const Eigen::Vector3f ray = p - other.origin_;
-    if (!(ray.norm() > kOwnVehicleM)) continue;
+    // Nearer, a lidar that is not the reference meets its own vehicle.
+    if (!(ray.norm() > static_cast<float>(localization::kOwnVehicleM))) continue;
     all = both(all, other.own_look(ray, radius_m, doubt_m));
   }
   return all;

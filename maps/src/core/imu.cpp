@@ -86,7 +86,7 @@ std::shared_ptr<const std::vector<ImuReading>> usable_readings(std::vector<ImuRe
   for (std::size_t i = 0; i < std::min<std::size_t>(readings.size(), 10'000); ++i)
     norms.push_back(static_cast<double>(readings[i].force_mps2.norm()));
   const double usual = median(std::move(norms));
-  if (usual > 0.5 && usual < 2.0) {
+  if (usual > 0.9 && usual < 1.1) {
     for (ImuReading& reading : readings) reading.force_mps2 *= static_cast<float>(kGravity);
     notes.push_back(
         fmt::format("{}: acceleration with a median of {:.2f}, taken as g", source, usual));

@@ -40,18 +40,10 @@ struct CalibrateArguments {
   int threads = 0;
 };
 
-/// x y z [m], roll pitch yaw [rad].
-Eigen::Matrix<double, 6, 1> values_of(const LidarMount& mount) {
-  Eigen::Matrix<double, 6, 1> values;
-  values << mount.T_reference_lidar.translation(),
-      maps::roll_pitch_yaw_rad(mount.T_reference_lidar.linear());
-  return values;
-}
-
 nlohmann::ordered_json json_of_mount(const LidarMount& mount) {
   const Eigen::Vector3d p = mount.T_reference_lidar.translation();
   const Eigen::Quaterniond q(mount.T_reference_lidar.linear());
-  const Eigen::Matrix<double, 6, 1> values = values_of(mount);
+  const Eigen::Matrix<double, 6, 1> values = mount.values(), sigma = mount.sigma();
   nlohmann::ordered_json json = {{"position", {p.x(), p.y(), p.z()}},
                                  {"quaternion", {q.x(), q.y(), q.z(), q.w()}}};
   for (std::size_t i = 0; i < kMountParameters.size(); ++i) {
@@ -59,7 +51,7 @@ nlohmann::ordered_json json_of_mount(const LidarMount& mount) {
     const double unit = is_place ? 1.0 : kDegPerRad;
     const auto k = static_cast<Eigen::Index>(i);
     json["parameters"][std::string(kMountParameters[i]) + (is_place ? "_m" : "_deg")] = {
-        {"value", unit * values[k]}, {"sigma", unit * mount.sigma[k]}};
+        {"value", unit * values[k]}, {"sigma", unit * sigma[k]}};
   }
   json["used"] = mount.used;
   return json;
@@ -72,9 +64,11 @@ nlohmann::ordered_json json_of_calibration(const fs::path& lidar, const LidarCal
   json["from_maps"] = nullptr;
   if (found.from_maps) json["from_maps"] = json_of_mount(*found.from_maps);
   json["overlap"] = found.overlap;
-  json["time_offset_s"] = {{"value", found.time_offset_s},
-                           {"sigma", found.time_offset_sigma_s},
-                           {"used", found.time_offset_used}};
+  json["time_offset_s"] = nullptr;
+  if (found.clock)
+    json["time_offset_s"] = {{"value", found.clock->offset_s},
+                             {"sigma", found.clock->sigma_s},
+                             {"used", found.clock->is_used}};
   json["unobserved"] = found.unobserved();
   return json;
 }
@@ -83,18 +77,19 @@ void print_calibration(const fs::path& lidar, const LidarCalibration& found) {
   command_line::Table table;
   table.add("lidar", lidar.string());
   const LidarMount& mount = found.mount();
-  const Eigen::Matrix<double, 6, 1> values = values_of(mount);
+  const Eigen::Matrix<double, 6, 1> values = mount.values(), sigma = mount.sigma();
   for (std::size_t i = 0; i < kMountParameters.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     table.add(kMountParameters[i],
-              i < 3 ? fmt::format("{:8.4f} m    sigma {:.4f} m", values[k], mount.sigma[k])
+              i < 3 ? fmt::format("{:8.4f} m    sigma {:.4f} m", values[k], sigma[k])
                     : fmt::format("{:8.3f} deg  sigma {:.3f} deg", kDegPerRad * values[k],
-                                  kDegPerRad * mount.sigma[k]));
+                                  kDegPerRad * sigma[k]));
   }
-  table.add(
-      "clock",
-      fmt::format("{:+.4f} s, sigma {:.4f} s: {}", found.time_offset_s, found.time_offset_sigma_s,
-                  found.time_offset_used ? "added to its stamps" : "taken as the same"));
+  table.add("clock", found.clock ? fmt::format("{:+.4f} s, sigma {:.4f} s: {}",
+                                               found.clock->offset_s, found.clock->sigma_s,
+                                               found.clock->is_used ? "added to its stamps"
+                                                                    : "taken as the same")
+                                 : "offset not found");
   table.add("from",
             found.from_maps
                 ? fmt::format("{} scans of either in the other's map, {:.0f} % of the points "
@@ -144,6 +139,7 @@ void calibrate(const CalibrateArguments& arguments) {
   nlohmann::ordered_json json = {{"reference", arguments.reference.string()},
                                  {"lidars", nlohmann::ordered_json::array()},
                                  {"version", STILLMAP_VERSION}};
+  std::vector<std::string> untold;
   for (std::size_t i = 0; i < arguments.lidars.size(); ++i) {
     LidarCalibration found;
     {
@@ -157,11 +153,19 @@ void calibrate(const CalibrateArguments& arguments) {
     json["lidars"].push_back(json_of_calibration(arguments.lidars[i], found));
     if (!arguments.json.replaces_text()) print_calibration(arguments.lidars[i], found);
     if (named.empty()) continue;
+    if (const auto open = found.unobserved(); !open.empty())
+      untold.push_back(
+          fmt::format("{} of {}", fmt::join(open, ", "), arguments.lidars[i].string()));
     named[i + 1].T_reference_lidar = found.mount().T_reference_lidar;
-    if (found.time_offset_used) named[i + 1].time_offset_s = found.time_offset_s;
+    if (found.clock && found.clock->is_used) named[i + 1].time_offset_s = found.clock->offset_s;
   }
-  if (!named.empty()) command_line::write_text_file(arguments.output, maps::lidar_set_text(named));
   arguments.json.write(json.dump(2));
+  if (!untold.empty())
+    throw maps::InputError(
+        arguments.output.string(),
+        fmt::format("nothing written, as the drives do not tell {}", fmt::join(untold, "; ")),
+        "drives that tell all: record a minute with slopes and turns to both sides, near walls");
+  if (!named.empty()) command_line::write_text_file(arguments.output, maps::lidar_set_text(named));
   if (!named.empty() && !arguments.json.replaces_text())
     fmt::print("next     stillmap build {} -o MAP\n",
                fs::weakly_canonical(arguments.output).parent_path().string());

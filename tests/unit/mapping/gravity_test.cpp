@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <memory>
+#include <string>
 
 namespace stillmap::mapping {
 namespace gravity_test {
@@ -64,7 +65,7 @@ double off_deg(const Eigen::Vector3d& up) {
 
 TEST(Gravity, IsUpwardWhileTheSensorSpeedsUp) {
   const Followed drive = followed(0.0, Eigen::Vector3d::Zero());
-  const auto up = up_in_odom(drive.drive, 0, drive.poses);
+  const auto up = up_in_odom(drive.drive, 0, drive.poses).up_odom;
   ASSERT_TRUE(up);
   EXPECT_LT(off_deg(*up), 0.1);
 }
@@ -72,17 +73,56 @@ TEST(Gravity, IsUpwardWhileTheSensorSpeedsUp) {
 TEST(Gravity, FindsTheBiasWhereTheSensorTurns) {
   const Eigen::Vector3d bias(0.1, -0.1, 0.05);
   const Followed turning = followed(1.0, bias);
-  EXPECT_LT(off_deg(up_in_odom(turning.drive, 0, turning.poses).value()), 0.15);
+  EXPECT_LT(off_deg(up_in_odom(turning.drive, 0, turning.poses).up_odom.value()), 0.15);
   const Followed straight = followed(0.0, bias);
-  EXPECT_GT(off_deg(up_in_odom(straight.drive, 0, straight.poses).value()), 0.3);
+  EXPECT_GT(off_deg(up_in_odom(straight.drive, 0, straight.poses).up_odom.value()), 0.3);
 }
 
 TEST(Gravity, IsNotToldByOtherForces) {
   const Followed weak = followed(0.5, Eigen::Vector3d::Zero(), 1.0);
-  EXPECT_FALSE(up_in_odom(weak.drive, 0, weak.poses));
+  const Vertical none = up_in_odom(weak.drive, 0, weak.poses);
+  EXPECT_FALSE(none.up_odom);
+  EXPECT_THAT(none.fault, testing::HasSubstr("a mean force of 1.0"));
   const Followed drive = followed(0.5, Eigen::Vector3d::Zero());
-  EXPECT_FALSE(up_in_odom(drive.drive.with_imu(nullptr), 0, drive.poses));
-  EXPECT_FALSE(up_in_odom(drive.drive, 0, std::span(drive.poses).first(8)));
+  const Vertical without = up_in_odom(drive.drive.with_imu(nullptr), 0, drive.poses);
+  EXPECT_FALSE(without.up_odom);
+  EXPECT_EQ(without.fault, "");
+  const Vertical few = up_in_odom(drive.drive, 0, std::span(drive.poses).first(8));
+  EXPECT_FALSE(few.up_odom);
+  EXPECT_THAT(few.fault, testing::HasSubstr("fewer than 10 scans"));
+}
+
+TEST(Gravity, ABlowDoesNotTiltIt) {
+  Followed drive = followed(0.5, Eigen::Vector3d::Zero());
+  auto imu = std::make_shared<maps::Imu>(*drive.drive.contents().imu);
+  std::vector<maps::ImuReading> readings = *imu->readings;
+  readings[1003].force_mps2.x() = 3534.0F;
+  imu->readings = std::make_shared<const std::vector<maps::ImuReading>>(std::move(readings));
+  const auto up = up_in_odom(drive.drive.with_imu(imu), 0, drive.poses).up_odom;
+  ASSERT_TRUE(up);
+  EXPECT_LT(off_deg(*up), 0.1);
+}
+
+/// z of the frame of the ground in the frame of odometry, once that is levelled.
+Eigen::Vector3d levelled_up(const Vertical& vertical, bool ground_is_seen, std::string& note) {
+  Eigen::Isometry3d T_ground_odom = Eigen::Isometry3d::Identity();
+  note = level(vertical, ground_is_seen, T_ground_odom);
+  return T_ground_odom.linear().transpose() * Eigen::Vector3d::UnitZ();
+}
+
+TEST(Gravity, LevelsTheGroundUnlessTheyDisagree) {
+  std::string note;
+  EXPECT_LT(off_deg(levelled_up({kUp, {}}, true, note)), 1e-4);
+  EXPECT_THAT(note, testing::HasSubstr("from the accelerometer, 12.6 deg from the ground's"));
+  // Of the other sign: the map would be upside down.
+  EXPECT_EQ(levelled_up({Eigen::Vector3d(-kUp), {}}, true, note), Eigen::Vector3d::UnitZ());
+  EXPECT_THAT(note, testing::HasSubstr("from the ground, as that of the accelerometer is 167 deg"));
+  // Without ground it is all that there is.
+  EXPECT_LT(off_deg(levelled_up({kUp, {}}, false, note)), 1e-4);
+  EXPECT_EQ(levelled_up({{}, "a reason"}, true, note), Eigen::Vector3d::UnitZ());
+  EXPECT_THAT(note, testing::HasSubstr("shows a reason"));
+  EXPECT_EQ(levelled_up({}, true, note), Eigen::Vector3d::UnitZ());
+  EXPECT_EQ(note, "");
 }
 
 }  // namespace gravity_test

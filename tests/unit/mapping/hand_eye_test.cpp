@@ -1,8 +1,10 @@
 #include "calibration/hand_eye.hpp"
 
 #include <gtest/gtest.h>
+#include <stillmap/mapping/lidar_calibration.hpp>
 #include <stillmap/maps/frames.hpp>
 
+#include <cmath>
 #include <random>
 
 namespace stillmap::mapping {
@@ -89,6 +91,29 @@ TEST(HandEye, DeviationsAreThoseOfTheErrors) {
     EXPECT_GT(std::sqrt(squares[k] / kDraws), 0.4) << k;
     EXPECT_LT(std::sqrt(squares[k] / kDraws), 1.2) << k;
   }
+}
+
+TEST(HandEye, WhatOneBlockAloneTellsIsNotObserved) {
+  std::vector<MotionPair> motions(20, pair_of(maps::exp_se3(twist(20, 0, 0, 0, 0, 0))));
+  std::vector<std::size_t> blocks;
+  for (std::size_t i = 0; i < motions.size(); ++i) blocks.push_back(1 + i % 9);
+  for (const MotionPair& motion : drive(0.3)) {
+    motions.push_back(motion);
+    blocks.push_back(0);
+  }
+  const auto found = fit_hand_eye_in_blocks(motions, blocks);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->covariance, unknown_mount_covariance());
+}
+
+TEST(LidarMount, SigmasAreThoseOfTheAngles) {
+  LidarMount mount;
+  mount.T_reference_lidar.linear() = maps::exp_so3(Eigen::Vector3d(0.0, 0.0, M_PI / 2.0));
+  mount.covariance.diagonal() << 4.0, 9.0, 16.0, 0.01, 0.04, 0.09;
+  // A lidar that looks left pitches about the reference's x.
+  EXPECT_TRUE(
+      mount.sigma().isApprox((maps::Vector6d() << 2.0, 3.0, 4.0, 0.2, 0.1, 0.3).finished(), 1e-6));
+  EXPECT_NEAR(mount.values()[5], M_PI / 2.0, 1e-12);
 }
 
 TEST(HandEye, FewWrongMotionsDoNotCount) {

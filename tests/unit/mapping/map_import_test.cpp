@@ -257,6 +257,16 @@ TEST_F(MapImport, OurOwnAutowareMapsComeBackInAnyProjection) {
           found += (p - expected).norm() < (projector == "MGRS" ? 0.01 : 0.002) ? 1U : 0U;
       }
     EXPECT_EQ(found, 2U) << projector;
+    // A grid has its z up.
+    options_.up = "y";
+    const auto lying = [&] {
+      import_map(exported, folder_.path() / (name + "_y"), options_, {}, cancel_);
+    };
+    if (projector == "LocalCartesian")
+      EXPECT_NO_THROW(lying());
+    else
+      EXPECT_THAT(lying, ThrowsSaying<maps::InputError>({projector, "--up"})) << projector;
+    options_.up = "z";
   }
 }
 

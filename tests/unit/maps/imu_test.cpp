@@ -163,6 +163,11 @@ TEST(ImuReadings, InGAreRecognised) {
   for (ImuReading& reading : readings) reading.force_mps2 /= 9.80665F;
   EXPECT_NEAR(usable_readings(readings, "/imu", notes)->front().force_mps2.z(), 9.81F, 1e-5F);
   EXPECT_THAT(notes, ElementsAre(HasSubstr("taken as g")));
+  // Linear acceleration, as phones tell it, is no g.
+  notes.clear();
+  for (ImuReading& reading : readings) reading.force_mps2 = {0.0F, 0.6F, 0.0F};
+  EXPECT_FLOAT_EQ(usable_readings(readings, "/imu", notes)->front().force_mps2.y(), 0.6F);
+  EXPECT_THAT(notes, IsEmpty());
 }
 
 TEST(ImuFile, ReadsColumnsByTheirNames) {

@@ -10,6 +10,7 @@
 #include "geometry/random.hpp"
 #include "roads/route.hpp"
 #include "roads/traffic.hpp"
+#include "sensing/ego_motion.hpp"
 #include "sensing/scanner.hpp"
 #include "small_world.hpp"
 
@@ -241,6 +242,17 @@ TEST(Boxes, ContainTheirPointsToACentimetre) {
           << scenario << " track " << track;
     }
     EXPECT_GT(checked, 300U) << scenario;
+  }
+}
+
+TEST(EgoMotion, EveryCarrierHoldsTheLidarWhereItIsMounted) {
+  const World world = make_world(short_drive("town"));
+  Eigen::Isometry3d T_usual_lidar = Eigen::Isometry3d::Identity();
+  T_usual_lidar.translate(Eigen::Vector3d(0.2, -0.1, 0.05))
+      .rotate(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()));
+  for (const Carrier carrier : {Carrier::kVehicle, Carrier::kFast, Carrier::kHand}) {
+    const EgoMotion usual(world, 1.73, carrier), mounted(world, 1.73, carrier, T_usual_lidar);
+    EXPECT_TRUE(mounted.T_world_lidar(1.0).isApprox(usual.T_world_lidar(1.0) * T_usual_lidar));
   }
 }
 

@@ -104,6 +104,8 @@ struct TrajectoryEstimate {
   std::optional<maps::GeodeticOrigin> origin;
   /// With `refine_given`.
   std::optional<GivenPoseErrors> given_errors;
+  /// What the accelerometers told of the vertical, for people. Empty where given poses are used.
+  std::vector<std::string> notes;
   double odometry_seconds = 0.0;
   double loop_seconds = 0.0;
   double graph_seconds = 0.0;

@@ -156,6 +156,7 @@ OdometryEvaluation evaluate_odometry(const maps::Drive& given,
   evaluation.options = options;
   evaluation.scans = scans.size();
   evaluation.notes = drive.contents().notes;
+  evaluation.notes.insert(evaluation.notes.end(), estimate.notes.begin(), estimate.notes.end());
   evaluation.odometry_seconds = estimate.odometry_seconds;
   evaluation.loop_seconds = estimate.loop_seconds;
   evaluation.graph_seconds = estimate.graph_seconds;

@@ -67,7 +67,7 @@ struct Imu {
 
 /// Readings as a file or a bag has them, made usable: sorted by stamp, doubles and what is not
 /// finite left out. Specific force in g, as Livox's drivers send it, becomes m/s^2: if its median
-/// norm is in [0.5, 2].
+/// norm is in (0.9, 1.1).
 /// @param notes  gets what was done, for people.
 /// @return null for fewer than two.
 [[nodiscard]] std::shared_ptr<const std::vector<ImuReading>> usable_readings(
