@@ -39,6 +39,8 @@ export const DEFINITIONS = {
   'velodyne_msgs/msg/VelodyneScan':
     'std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets' +
     `${LINE}MSG: velodyne_msgs/VelodynePacket\nbuiltin_interfaces/Time stamp\nuint8[1206] data${HEADER}${TIME}`,
+  'ouster_sensor_msgs/msg/PacketMsg': 'uint8[] buf',
+  'std_msgs/msg/String': 'string data',
   'sensor_msgs/msg/Imu':
     'std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n' +
     'geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n' +

@@ -26,7 +26,8 @@ function bytesOf({ file, offset = 0, bytes, base64 }) {
 }
 
 function serialized({ topic, value }) {
-  const message = value.data ? { ...value, data: bytesOf(value.data) } : { ...value };
+  if (value.buf) return writers[topic].writeMessage({ buf: bytesOf(value.buf) });
+  const message = value.data && typeof value.data === 'object' ? { ...value, data: bytesOf(value.data) } : { ...value };
   if (message.packets) message.packets = message.packets.map((each) => ({ ...each, data: bytesOf(each.data) }));
   if (message.timebase) message.timebase = BigInt(message.timebase);
   return writers[topic].writeMessage(message);

@@ -5,9 +5,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "bags/cloud_messages.hpp"
 #include "bags/livox_cloud.hpp"
+#include "bags/ouster_packets.hpp"
 #include "bags/ros_messages.hpp"
 
 namespace stillmap::maps {
@@ -22,12 +24,16 @@ constexpr std::size_t kMostTfBytes = std::size_t{1} << 20U;
 constexpr std::size_t kMostFramesNamed = 8;
 /// 14 hours at 10 Hz; more would cost memory by their number alone.
 constexpr std::size_t kMostClouds = 500'000;
+/// 8 hours of an Ouster at 10 Hz, 480 MB. Later ones are left out.
+constexpr std::size_t kMostPackets = 20'000'000;
 /// 14 hours at 200 Hz, 320 MB. Later ones are left out.
 constexpr std::size_t kMostImuReadings = 10'000'000;
 /// Orientation, rate and force, with the covariances of the first two.
 constexpr std::size_t kImuBytes = 8 * (4 + 9 + 3 + 9 + 3) + 8;
 
-std::size_t head_bytes_of(const std::string& type) {
+std::size_t head_bytes_of(const std::string& topic, const std::string& type) {
+  if (is_ouster_packet(type)) return kOusterMessageHeadBytes;
+  if (is_ouster_metadata(topic, type)) return kMostMetadataBytes;
   if (cloud_type(type) != nullptr) return kHeaderBytes + (is_livox_type(type) ? kLivoxBytes : 0);
   if (type == kTfMessage) return kMostTfBytes;
   if (type == kImu) return kHeaderBytes + kImuBytes;
@@ -53,11 +59,11 @@ class Surveyor {
       if (known.type.empty()) known.type = topic.type;
       // What nobody reads here may be as it likes.
       if (known.type != topic.type &&
-          (head_bytes_of(known.type) > 0 || head_bytes_of(topic.type) > 0))
+          (head_bytes_of(topic.name, known.type) > 0 || head_bytes_of(topic.name, topic.type) > 0))
         throw InputError(bag.file().string(),
                          "topic " + topic.name + " of " + known.type + " and " + topic.type,
                          "one type: record each type on a topic of its own");
-      wanted.push_back(head_bytes_of(topic.type));
+      wanted.push_back(head_bytes_of(topic.name, topic.type));
     }
     const BagDamage damage =
         bag.visit(wanted, [&](const BagMessage& message) { take(message, number); });
@@ -76,9 +82,14 @@ class Surveyor {
     TopicSurvey& known = survey_.topics[topic.name];
     ++known.messages;
     try {
-      if (head_bytes_of(topic.type) == 0) return;
+      if (head_bytes_of(topic.name, topic.type) == 0) return;
       MessageReader reader(message.head, topic.serialization, topic.name);
       if (topic.type == kTfMessage) return take_tf(reader, topic.name, bag);
+      if (is_ouster_packet(topic.type)) return take_packet(reader, message, number, topic, known);
+      if (is_ouster_metadata(topic.name, topic.type)) {
+        known.metadata = reader.text(kMostMetadataBytes);
+        return;
+      }
       if (topic.type == kImu) return take_imu(reader, topic.name, message.recorded_ns);
       if (cloud_type(topic.type) == nullptr) return take_pose(reader, topic.type, known);
       const RosHeader header = read_header(reader);
@@ -93,6 +104,30 @@ class Surveyor {
     } catch (const InputError& error) {
       if (known.unreadable++ == 0) known.why_unreadable = error.what();
     }
+  }
+
+  /// Packets of one turn follow each other; one that comes late is left out.
+  void take_packet(MessageReader& reader, const BagMessage& message, std::uint32_t number,
+                   const BagTopic& topic, TopicSurvey& known) {
+    const auto head = read_ouster_head(reader);
+    if (!head) return;
+    if (head->turn == known.turn_before)
+      throw InputError(
+          topic.name,
+          fmt::format("a packet of turn {} after turn {} had begun", head->turn, *known.turn),
+          "packets in their order: record on a machine that keeps up");
+    if (known.clouds.empty() || head->turn != known.turn || known.clouds.back().bag != number) {
+      if (++clouds_ > kMostClouds) return;
+      if (head->turn != known.turn) known.turn_before = std::exchange(known.turn, head->turn);
+      known.clouds.push_back({message.place, head->stamp_ns, message.recorded_ns, number,
+                              topic.serialization, known.packets.size(), 0});
+      known.frames = {kOusterFrame};
+    }
+    if (known.packets.size() == kMostPackets)
+      throw InputError(topic.name, fmt::format("over {} packets", kMostPackets),
+                       "fewer: split the bag, and give its parts as several drives");
+    known.packets.push_back(message.place);
+    ++known.clouds.back().packets;
   }
 
   static void take_pose(MessageReader& reader, const std::string& type, TopicSurvey& known) {

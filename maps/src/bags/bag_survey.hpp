@@ -20,15 +20,19 @@ namespace stillmap::maps {
 
 using Bags = std::vector<std::unique_ptr<Bag>>;
 
-/// One message of a topic of clouds.
+/// One scan of a topic of clouds: a message, or several of a packet each.
 struct CloudEntry {
   MessagePlace place;
-  /// Of its header.
+  /// Of its header, or of the first column of an Ouster's packets.
   std::int64_t stamp_ns = 0;
   std::int64_t recorded_ns = 0;
   /// Which of the bags it lies in.
   std::uint32_t bag = 0;
   Serialization serialization = Serialization::kCdr;
+  /// Of a turn that is sent as messages of a packet each: from where they stand in
+  /// `TopicSurvey::packets`, and how many they are. 0 for a cloud that is one message.
+  std::size_t first_packet = 0;
+  std::size_t packets = 0;
 };
 
 struct PoseFrames {
@@ -49,6 +53,13 @@ struct TopicSurvey {
   std::vector<CloudEntry> clouds;
   /// That the clouds' headers name, at most 8.
   std::vector<std::string> frames;
+  /// Of an Ouster, one after the other.
+  std::vector<MessagePlace> packets;
+  /// The turns that the last of them belong to.
+  std::optional<std::uint16_t> turn;
+  std::optional<std::uint16_t> turn_before;
+  /// What an Ouster's driver says of the sensor; empty for other topics.
+  std::string metadata;
   /// That Livox' clouds name.
   std::set<std::uint8_t> livox_lidars;
   /// That the first of the poses names; nothing where it cannot be read.

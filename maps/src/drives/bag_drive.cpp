@@ -4,6 +4,7 @@
 #include <stillmap/maps/lidar_set.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/recording_choice.hpp>
+#include <stillmap/maps/text.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -22,6 +23,7 @@
 #include "bags/bag_poses.hpp"
 #include "bags/bag_survey.hpp"
 #include "bags/cloud_messages.hpp"
+#include "bags/ouster_packets.hpp"
 #include "bags/ros_messages.hpp"
 #include "bags/unpacked_bag.hpp"
 #include "bags/velodyne_scan.hpp"
@@ -40,17 +42,25 @@ namespace fs = std::filesystem;
 struct BagScans {
   std::shared_ptr<const Bags> bags;
   std::string topic;
+  /// Nothing for an Ouster's packets, of which several are a scan.
   const CloudType* type = nullptr;
   /// Of the calibration that was chosen; empty without.
   std::vector<VelodyneLaser> lasers;
   /// Why it is not used, if it is that of another lidar; else empty.
   std::string lasers_note;
   std::vector<CloudEntry> clouds;
+  std::vector<MessagePlace> packets;
+  std::optional<OusterSensor> ouster;
 
   [[nodiscard]] DecodedScan read(std::size_t number) const {
+    if (ouster) {
+      const CloudEntry& cloud = clouds.at(number);
+      return decode_ouster_packets(*bags->at(cloud.bag), packets_of(cloud), cloud.serialization,
+                                   *ouster, cloud.stamp_ns, name_of(number));
+    }
     return read_by(number, [this](MessageReader& reader) { return type->decode(reader, lasers); });
   }
-  [[nodiscard]] bool has_packets() const { return type == cloud_type(kVelodyneScan); }
+  [[nodiscard]] bool is_velodyne() const { return type == cloud_type(kVelodyneScan); }
   [[nodiscard]] bool can_read_first() const {
     try {
       (void)read(0);
@@ -61,6 +71,8 @@ struct BagScans {
   }
   /// Empty where the first cloud cannot be read.
   [[nodiscard]] std::vector<std::string> fields() const {
+    if (ouster)
+      return {fmt::format("packets {} x {}", clouds.front().packets, ouster->packet_bytes())};
     try {
       return read_by(0, type->fields);
     } catch (const InputError&) {
@@ -68,8 +80,12 @@ struct BagScans {
     }
   }
   [[nodiscard]] std::string sha256(std::size_t number) const {
-    const FileBytes message = bytes(number);
-    return sha256_of({reinterpret_cast<const char*>(message.span().data()), message.span().size()});
+    const CloudEntry& cloud = clouds.at(number);
+    if (!ouster) return sha256_of(text_of(bytes(number)));
+    std::string all;
+    for (const MessagePlace& place : packets_of(cloud))
+      all += text_of(bags->at(cloud.bag)->read(place));
+    return sha256_of(all);
   }
 
  private:
@@ -78,10 +94,17 @@ struct BagScans {
                                                               const Decode& decode) const {
     const CloudEntry& cloud = clouds.at(number);
     const FileBytes message = bytes(number);
-    MessageReader reader(
-        message.span(), cloud.serialization,
-        fmt::format("{} {} {}", bags->at(cloud.bag)->file().string(), topic, number));
+    MessageReader reader(message.span(), cloud.serialization, name_of(number));
     return decode(reader);
+  }
+  [[nodiscard]] std::string name_of(std::size_t number) const {
+    return fmt::format("{} {} {}", bags->at(clouds.at(number).bag)->file().string(), topic, number);
+  }
+  [[nodiscard]] std::span<const MessagePlace> packets_of(const CloudEntry& cloud) const {
+    return std::span(packets).subspan(cloud.first_packet, cloud.packets);
+  }
+  static std::string text_of(const FileBytes& bytes) {
+    return {reinterpret_cast<const char*>(bytes.span().data()), bytes.span().size()};
   }
   [[nodiscard]] FileBytes bytes(std::size_t number) const {
     const CloudEntry& cloud = clouds.at(number);
@@ -124,10 +147,10 @@ const std::string& cloud_topic(const BagSurvey& survey, const std::optional<std:
     if (cloud_type(known.type) != nullptr && known.unreadable > 0)
       text += "; " + unreadable_text(topic, known);
   if (survey.damage.parts > 0) text += "; not readable " + survey.damage.first;
-  throw InputError(
-      name, text,
-      "messages of sensor_msgs/msg/PointCloud2, Livox' CustomMsg or VelodyneScan: choose or record "
-      "a topic of them");
+  throw InputError(name, text,
+                   "messages of sensor_msgs/msg/PointCloud2, Livox' CustomMsg, VelodyneScan or "
+                   "Ouster's PacketMsg: "
+                   "choose or record a topic of them");
 }
 
 std::optional<PointsFrame> points_frame_of(const BagChoice& choice, const std::string& name) {
@@ -262,7 +285,7 @@ std::vector<std::string> chosen_clouds(const BagChoice& choice, const std::strin
 
 /// Of several lidars a calibration may be that of one. The others have the angles of their model.
 void keep_fitting_lasers(BagScans& scans, const std::string& calibration) {
-  if (!scans.has_packets() || scans.lasers.empty() || scans.can_read_first()) return;
+  if (scans.lasers.empty() || scans.can_read_first()) return;
   std::vector<VelodyneLaser> lasers = std::exchange(scans.lasers, {});
   if (scans.can_read_first())
     scans.lasers_note = fmt::format(
@@ -283,6 +306,7 @@ std::shared_ptr<BagScans> scans_on_topic(const std::shared_ptr<const Bags>& bags
   TopicSurvey& clouds = survey.topics.at(scans->topic);
   scans->clouds = std::exchange(clouds.clouds, {});
   scans->type = cloud_type(clouds.type);
+  scans->packets = std::exchange(clouds.packets, {});
   if (clouds.frames.size() != 1)
     throw InputError(name,
                      fmt::format("clouds on {} in '{}' and '{}'", scans->topic, clouds.frames[0],
@@ -449,15 +473,30 @@ BesideLidar lidar_beside(const Drive::Contents& reference,
   return {Drive(std::move(contents)), scans->topic, *T_reference_lidar, 0};
 }
 
-/// The lasers of the chosen calibration; empty without.
-std::vector<VelodyneLaser> chosen_lasers(const fs::path& root, const BagChoice& choice) {
-  if (!choice.calibration) return {};
+/// The file of the chosen calibration; nothing without.
+std::optional<fs::path> calibration_file(const fs::path& root, const BagChoice& choice) {
+  if (!choice.calibration) return std::nullopt;
   const auto file = file_beside(root, *choice.calibration);
   if (!file)
     throw InputError(root.string(), "no calibration '" + choice.calibration->substr(0, 100) + "'",
                      "the name of a file beside the bag: copy the calibration there, and give its "
                      "name alone");
-  return read_velodyne_calibration(*file);
+  return file;
+}
+
+/// By the chosen metadata, or what the driver sent on the topic beside the packets' own.
+OusterSensor ouster_of(const std::string& topic, const BagSurvey& survey,
+                       const std::optional<fs::path>& file, const std::string& name) {
+  if (file) return read_ouster_metadata(read_text(*file), file->string());
+  const std::string beside = topic.substr(0, topic.rfind('/') + 1) + "metadata";
+  const auto sent = survey.topics.find(beside);
+  if (sent == survey.topics.end() || sent->second.metadata.empty())
+    throw InputError(
+        name, fmt::format("packets of an Ouster on {}, without metadata on {}", topic, beside),
+        fmt::format("the sensor's metadata (JSON): copy its file beside the bag, and "
+                    "give '{}?calibration=NAME'",
+                    name));
+  return read_ouster_metadata(sent->second.metadata, name + " " + beside);
 }
 
 /// Of the chosen topics, the reference first.
@@ -466,24 +505,28 @@ std::vector<std::shared_ptr<const BagScans>> chosen_scans(const std::shared_ptr<
                                                           const BagChoice& choice,
                                                           const fs::path& root) {
   const std::string name = root.string();
-  const std::vector<VelodyneLaser> lasers = chosen_lasers(root, choice);
+  const std::optional<fs::path> calibration = calibration_file(root, choice);
   std::vector<std::shared_ptr<const BagScans>> chosen;
   bool has_packets = false;
   const auto add = [&](const std::optional<std::string>& topic, bool is_one_of_several) {
     const std::shared_ptr<BagScans> scans = scans_on_topic(bags, survey, topic, name);
-    scans->lasers = lasers;
-    if (is_one_of_several) keep_fitting_lasers(*scans, choice.calibration.value_or(""));
-    has_packets = has_packets || scans->has_packets();
+    if (!scans->packets.empty()) {
+      scans->ouster = ouster_of(scans->topic, survey, calibration, name);
+    } else if (scans->is_velodyne() && calibration) {
+      scans->lasers = read_velodyne_calibration(*calibration);
+      if (is_one_of_several) keep_fitting_lasers(*scans, *choice.calibration);
+    }
+    has_packets = has_packets || scans->ouster || scans->is_velodyne();
     chosen.push_back(scans);
   };
   const std::vector<std::string> topics = chosen_clouds(choice, name);
   for (const std::string& topic : topics) add(topic, true);
   if (topics.empty()) add(choice.cloud, false);
-  if (choice.calibration && !has_packets)
+  if (calibration && !has_packets)
     throw InputError(name,
                      fmt::format("calibration= for clouds on {} of {}", chosen.front()->topic,
                                  survey.topics.at(chosen.front()->topic).type),
-                     fmt::format("a topic of {}: leave out calibration=", kVelodyneScan));
+                     "a topic of packets: leave out calibration=");
   return chosen;
 }
 

@@ -800,6 +800,77 @@ TEST_F(BagDrive, ReadsCloudsOfLivox) {
   EXPECT_THAT(drive.read(1).cloud.time_offsets_s, ElementsAre(testing::FloatEq(0.02F)));
 }
 
+/// `PacketMsg` of an Ouster of one pixel and one column a packet, whose range is 1 m a packet.
+class OusterBag : public BagDrive {
+ protected:
+  static constexpr const char* kTopic = "/ouster/lidar_packets";
+  static constexpr const char* kMetadata =
+      R"({"beam_altitude_angles": [0], "beam_azimuth_angles": [0], "prod_line": "OS-1-1",
+          "lidar_to_sensor_transform": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
+          "lidar_data_format": {"columns_per_frame": 4, "columns_per_packet": 1,
+          "pixels_per_column": 1, "udp_profile_lidar": "RNG15_RFL8_NIR8"}})";
+
+  OusterBag() { messages_.clear(); }
+  /// @param column  0 to 3, a quarter turn and 25 ms apart.
+  void packet(int turn, int column) {
+    std::string bytes(32 + 12 + 4 + 32, '\0');
+    const auto put = [&](std::size_t at, auto value) {
+      std::memcpy(&bytes[at], &value, sizeof value);
+    };
+    put(0, std::uint16_t{1});
+    put(2, static_cast<std::uint16_t>(turn));
+    put(32, kStart + turn * kStep + column * kStep / 4);
+    put(40, static_cast<std::uint16_t>(column));
+    put(42, std::uint16_t{1});
+    put(44, static_cast<std::uint16_t>(125 * (column + 1)));
+    add(kTopic, "ouster_sensor_msgs/msg/PacketMsg", test::MessageBytes().bytes(bytes).str());
+  }
+  void metadata() {
+    add("/ouster/metadata", "std_msgs/msg/String", test::MessageBytes().text(kMetadata).str());
+  }
+};
+
+TEST_F(OusterBag, PacketsBecomeAScanATurn) {
+  for (const int column : {2, 3}) packet(0, column);
+  metadata();
+  // What the IMU sends on a topic of the same type.
+  add("/ouster/imu_packets", "ouster_sensor_msgs/msg/PacketMsg",
+      test::MessageBytes().bytes(std::string(48, '\1')).str());
+  for (const int turn : {1, 2})
+    for (const int column : {0, 1, 2, 3}) packet(turn, column);
+  packet(1, 3);  // late
+  packet(3, 0);
+  const maps::Drive drive = open();
+  EXPECT_THAT(drive.contents().stamps_ns, ElementsAre(kStart + kStep / 2, kStart + kStep,
+                                                      kStart + 2 * kStep, kStart + 3 * kStep));
+  EXPECT_EQ(drive.contents().entries.frame_id, "os_sensor");
+  EXPECT_THAT(drive.contents().notes,
+              Contains(HasSubstr("1 messages of /ouster/lidar_packets cannot be read, the first: "
+                                 "/ouster/lidar_packets: found a packet of turn 1 after")));
+  const maps::PointCloud turn = drive.read(1).cloud;
+  // Column by column, clockwise from x.
+  ASSERT_EQ(turn.size(), 4U);
+  EXPECT_LT((turn.positions[0] - Eigen::Vector3f(1.0F, 0.0F, 0.0F)).norm(), 1e-5F);
+  EXPECT_LT((turn.positions[1] - Eigen::Vector3f(0.0F, -2.0F, 0.0F)).norm(), 1e-5F);
+  EXPECT_THAT(turn.time_offsets_s, ElementsAre(0.0F, 0.025F, 0.05F, 0.075F));
+  EXPECT_EQ(drive.read(0).cloud.size(), 2U);
+}
+
+TEST_F(OusterBag, MetadataMayLieBesideTheBag) {
+  for (const int column : {0, 1}) packet(0, column);
+  expect_error(
+      {"packets of an Ouster on /ouster/lidar_packets, without metadata on /ouster/metadata",
+       "calibration=NAME"});
+  folder_.write("os.json", kMetadata);
+  EXPECT_EQ(open("?calibration=os.json").read(0).cloud.size(), 2U);
+  folder_.write("os.json", "{}");
+  expect_error({"os.json", "beam_altitude_angles"}, "?calibration=os.json");
+  folder_.write("os.json",
+                std::string(kMetadata).replace(std::string(kMetadata).find(": 1,"), 4, ": 2,"));
+  EXPECT_THAT([&] { (void)open("?calibration=os.json").read(0); },
+              ThrowsSaying<maps::InputError>({kTopic, "a packet of 80 bytes", "metadata"}));
+}
+
 TEST_F(BagDrive, SaysFrameAndColumnsOfItsClouds) {
   EXPECT_EQ(open().contents().entries.frame_id, "lidar");
   EXPECT_THAT(open().contents().entries.fields, ElementsAre("x f32", "y f32", "z f32"));
