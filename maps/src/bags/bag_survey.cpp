@@ -19,8 +19,6 @@ constexpr std::size_t kMostTfBytes = std::size_t{1} << 20U;
 constexpr std::size_t kMostFramesNamed = 8;
 /// 14 hours at 10 Hz; more would cost memory by their number alone.
 constexpr std::size_t kMostClouds = 500'000;
-/// 14 hours at 200 Hz, 320 MB. Later ones are left out.
-constexpr std::size_t kMostImuReadings = 10'000'000;
 /// Orientation, rate and force, with the covariances of the first two.
 constexpr std::size_t kImuBytes = 8 * (4 + 9 + 3 + 9 + 3) + 8;
 
@@ -98,7 +96,7 @@ class Surveyor {
   }
 
   void take_imu(MessageReader& reader, TopicSurvey& known) {
-    if (imu_readings_ == kMostImuReadings) return;
+    if (imu_readings_ == kMostImuReadings) return;  // later ones are left out
     const FramedImuReading imu = read_imu(reader);
     if (known.imu.empty()) known.imu_frame = imu.frame_id;
     known.imu.push_back(imu.reading);
