@@ -80,6 +80,10 @@ def fix(tenths, order="<", east_m=0.0):
     return message.put("d", *[0.0] * 9).put("B", 0).bytes
 
 
+def imu(tenths, ros1=False):
+    return Message(ros1=ros1).header(tenths, "imu").put("d", *[0.0] * 13, 0.1, 0.2, 0.3, *[0.0] * 9, 0, 0, 9.8, *[0.0] * 9).bytes
+
+
 def tf(tenths, parent, child, ros1=False):
     return Message(ros1=ros1).put("I", 1).header(tenths, parent).text(child).put("d", 0, 0, 1.5, 0, 0, 0, 1).bytes
 
@@ -204,6 +208,8 @@ def make_all(put):
     put("ros_message", "pose", b"\4" + pose(0, False, ">"))
     put("ros_message", "tf", b"\6" + tf(0, "map", "base_link"))
     put("ros_message", "fix", b"\10" + fix(0))
+    put("ros_message", "imu", b"\16" + imu(0))
+    put("ros_message", "imu_ros1", b"\17" + imu(0, ros1=True))
     put("ros_message", "livox", b"\12" + livox(0))
     put("ros_message", "livox_ros1", b"\13" + livox(0, ros1=True))
     put("ros_message", "velodyne_ros1", b"\15" + velodyne(0, 0x22))
