@@ -1,4 +1,4 @@
-"""Small whole inputs of `ros_message`, `mcap`, `rosbag1`, `rosbag2`, `bag_choice` and `rawlog`, packed by the tools lz4 and
+"""Small whole inputs of `ros_message`, `mcap`, `rosbag1`, `rosbag2`, `pcap`, `bag_choice` and `rawlog`, packed by the tools lz4 and
 zstd. For seeds.py."""
 
 import bz2
@@ -78,6 +78,10 @@ def pose(tenths, odometry=True, order="<", x_m=None):
 def fix(tenths, order="<", east_m=0.0):
     message = Message(order).header(tenths, "gps").put("b", 0).put("H", 1).put("d", 48.1, 11.5 + east_m / 74_300, 519)
     return message.put("d", *[0.0] * 9).put("B", 0).bytes
+
+
+def imu(tenths, ros1=False):
+    return Message(ros1=ros1).header(tenths, "imu").put("d", *[0.0] * 13, 0.1, 0.2, 0.3, *[0.0] * 9, 0, 0, 9.8, *[0.0] * 9).bytes
 
 
 def tf(tenths, parent, child, ros1=False):
@@ -184,6 +188,34 @@ def rosbag2(messages, compression=None):
         return file.read_bytes()
 
 
+def data_packet(azimuth, source):
+    """From 10.0.0.SOURCE, on raw IP."""
+    data = b"".join(struct.pack("<HH", 0xeeff, azimuth + 20 * i) + struct.pack("<HB", 500 + i, i) * 32 for i in range(12))
+    udp = struct.pack(">HHHH", 2368, 2368, 1214, 0) + data + struct.pack("<IBB", 0, 0x37, 0x22)
+    return struct.pack(">BBHHHBBHII", 0x45, 0, len(udp) + 20, 1, 0, 64, 17, 0, 0x0a000000 + source, 0xffffffff) + udp
+
+
+def pcap(packets, order="<", magic=0xa1b2c3d4):
+    """@param packets: (tenths, azimuth, source) each."""
+    file = struct.pack(order + "IHHiIII", magic, 2, 4, 0, 0, 262144, 101)
+    for tenths, azimuth, source in packets:
+        data = data_packet(azimuth, source)
+        file += struct.pack(order + "IIII", START_S, tenths * 100_000, len(data), len(data)) + data
+    return file
+
+
+def pcapng(packets, order="<"):
+    def block(kind, body):
+        return struct.pack(order + "II", kind, len(body) + 12) + body + struct.pack(order + "I", len(body) + 12)
+
+    file = block(0x0a0d0d0a, struct.pack(order + "IHHq", 0x1a2b3c4d, 1, 0, -1))
+    file += block(1, struct.pack(order + "HHI", 101, 0, 0) + struct.pack(order + "HHB3xHHqHH", 9, 1, 3, 14, 8, START_S, 0, 0))
+    for tenths, azimuth, source in packets:
+        data = data_packet(azimuth, source)
+        file += block(6, struct.pack(order + "IIIII", 0, 0, tenths * 100, len(data), len(data)) + data + bytes(-len(data) % 4))
+    return file
+
+
 def rawlog_record(kind, stamp_ns=0, text=b"", points=(), flags=0, objects=0, unusable=0):
     """As maps/src/rawlogs/rawlog_record.hpp has it."""
     identity = [1.0, 0, 0, 0.5, 0, 1.0, 0, 0, 0, 0, 1.0, 0]
@@ -204,6 +236,8 @@ def make_all(put):
     put("ros_message", "pose", b"\4" + pose(0, False, ">"))
     put("ros_message", "tf", b"\6" + tf(0, "map", "base_link"))
     put("ros_message", "fix", b"\10" + fix(0))
+    put("ros_message", "imu", b"\16" + imu(0))
+    put("ros_message", "imu_ros1", b"\17" + imu(0, ros1=True))
     put("ros_message", "livox", b"\12" + livox(0))
     put("ros_message", "livox_ros1", b"\13" + livox(0, ros1=True))
     put("ros_message", "velodyne_ros1", b"\15" + velodyne(0, 0x22))
@@ -227,6 +261,11 @@ def make_all(put):
     put("rosbag2", "placed", rosbag2(PLACED))
     put("rosbag2", "zstd", rosbag2(few, "zstd"))
     put("rosbag2", "cut", rosbag2(few)[:2000])
+    put("pcap", "two_sensors", pcap([(0, 30_000, 1), (1, 100, 1), (2, 200, 2)]))
+    put("pcap", "nanoseconds", pcap([(0, 100, 1), (1, 3_000, 1)], ">", 0xa1b23c4d))
+    put("pcap", "cut", pcap([(0, 100, 1), (1, 3_000, 1)])[:-30])
+    put("pcap", "pcapng", pcapng([(0, 30_000, 1), (1, 100, 1)]))
+    put("pcap", "pcapng_big_endian", pcapng([(0, 30_000, 1), (1, 100, 1)], ">"))
     put("bag_choice", "words", "cloud=/points&poses=/odom&pose_frame=base_link")
     put("bag_choice", "lidars", '{"format": "stillmap-lidars", "version": 1, "lidars": [{"drive": "front"}, {"drive": '
         '"run.mcap?cloud=/rear", "time_offset_s": 0.01, "T_reference_lidar": {"position": [-2, 0, 0.5], "quaternion": '

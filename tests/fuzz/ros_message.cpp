@@ -1,5 +1,5 @@
-// Messages of bags in CDR and ROS 1: clouds of all kinds, poses, tf, fixes of GNSS. The first byte
-// says which of them, and how they are written.
+// Messages of bags in CDR and ROS 1: clouds of all kinds, poses, tf, fixes of GNSS, readings of an
+// IMU. The first byte says which of them, and how they are written.
 #include "scan_rules.hpp"
 
 #include <stillmap/maps/error.hpp>
@@ -29,7 +29,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto serialization =
       data[0] % 2 == 0 ? maps::Serialization::kCdr : maps::Serialization::kRos1;
   const auto reader = [&] { return maps::MessageReader(bytes, serialization, "fuzz"); };
-  const int kind = data[0] / 2;
+  const int kind = data[0] / 2 % 8;
   const auto decode = [&](const auto& decoded) {
     const auto scan = fuzz::taken<maps::InputError>([&] {
       maps::MessageReader message = reader();
@@ -38,7 +38,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (scan) fuzz::require_decoded(*scan, kMostPoints);
     return 0;
   };
-  switch (kind % 8) {
+  switch (kind) {
     case 0:
       return decode([](auto& message) { return maps::decode_point_cloud2(message, kMostPoints); });
     case 5:
@@ -46,13 +46,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 6: {
       std::vector<maps::VelodyneLaser> lasers(size % 2 == 0 ? 128 : 0);
       for (maps::VelodyneLaser& laser : lasers) laser = {0.1, 0.1, 1.0, 1.0, 1.0, true, 0.1, 0.1};
-      return decode([&](auto& message) { return maps::decode_velodyne_scan(message, lasers); });
+      return decode(
+          [&](auto& message) { return maps::decode_velodyne_scan(message, lasers, kMostPoints); });
     }
     case 1:
     case 2: {
       const auto pose = fuzz::taken<maps::InputError>([&] {
         maps::MessageReader message = reader();
-        return maps::read_pose(message, kind % 8 == 1 ? maps::kNavOdometry : maps::kPoseStamped);
+        return maps::read_pose(message, kind == 1 ? maps::kNavOdometry : maps::kPoseStamped);
       });
       if (pose) require_rigid(*pose);
       return 0;
@@ -66,6 +67,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         fuzz::require(maps::violations(*fix->place).empty(), "places are on the Earth");
       return 0;
     }
+    case 7:
+      static_cast<void>(fuzz::taken<maps::InputError>([&] {
+        maps::MessageReader message = reader();
+        return maps::read_imu(message);
+      }));
+      return 0;
     default:
       static_cast<void>(fuzz::taken<maps::InputError>([&] {
         maps::MessageReader message = reader();

@@ -226,6 +226,8 @@ def make_packages(put):
     put("trajectory", "imu", "stamp_ns,wx,wy,wz,ax,ay,az\n1700000000000000000,0.1,-0.2,0.3,0,0,9.8\n"
         "1700000000010000000,0.1,-0.2,0.3,0,0,9.8\n")
     put("trajectory", "hdl", "stamp 1700000000 5\nestimate\n1 0 0 4\n0 1 0 5\n0 0 1 6\n0 0 0 1\nid 7\n")
+    put("imu", "plain", "stamp_ns,wx,wy,wz,ax,ay,az\n1700000000123456789,0.1,-0.2,3e-1,0,0,9.8\n-5,0,0,0,0,0,1\n")
+    put("imu", "other_order", "\ufeffaz,ay,ax,temperature,wz,wy,wx,stamp_ns\r\n9.8,0,0,40,nan,0,0,7\r\n\r\n1,0,0,40,0,0,0,8\r\n")
     put("trajectory", "nmea", "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\n"
         "$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A\n")
     edits = {"format": "stillmap-edits", "version": 1, "edits": [

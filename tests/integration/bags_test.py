@@ -124,6 +124,53 @@ def stamp_ns(text):
     return int(seconds) * 10**9 + int(decimals.ljust(9, "0"))
 
 
+def vlp16_packets(scan, ns):
+    """@return (stamp, data) of the packets of one turn, which has 1800 firings 0.2 deg apart."""
+    start, count, columns = cloud_fields(scan)
+    assert [name for name, _, _ in columns] == ["x", "y", "z", "intensity", "t", "ring"]
+    data, returns = scan.read_bytes(), {}
+    for i in range(count):
+        x, y, z, intensity, _, ring = struct.unpack_from("<fffffH", data, start + 22 * i)
+        laser = 2 * ring if ring < 8 else 2 * ring - 15
+        firing = int(math.degrees(math.atan2(-y, x)) % 360 / 0.2) % 1800
+        returns[firing, laser] = (min(round(math.hypot(x, y, z) / 0.002), 65535), round(255 * intensity))
+    packets = []
+    for first in range(0, 1800, 24):
+        blocks = b"".join(struct.pack("<HH", 0xeeff, 20 * firing) +
+                          b"".join(struct.pack("<HB", *returns.get((firing + i // 16, i % 16), (0, 0))) for i in range(32))
+                          for firing in range(first, first + 24, 2))
+        packets.append((ns + first * 55_000, blocks + struct.pack("<IBB", 0, 0x37, 0x22)))
+    return packets
+
+
+def ethernet(payload):
+    """From 192.168.1.201 to all, with a VLAN tag."""
+    udp = struct.pack(">HHHH", 2368, 2368, len(payload) + 8, 0) + payload
+    ip = struct.pack(">BBHHHBBHII", 0x45, 0, len(udp) + 20, 1, 0x4000, 64, 17, 0, 0xc0a801c9, 0xffffffff) + udp
+    return b"\xff" * 6 + b"\x60\x76\x88\0\0\1" + struct.pack(">HHH", 0x8100, 5, 0x0800) + ip
+
+
+def pcap(packets, order="<", digits=6):
+    file = struct.pack(order + "IHHiIII", 0xa1b2c3d4 if digits == 6 else 0xa1b23c4d, 2, 4, 0, 0, 262144, 1)
+    for ns, payload in packets:
+        data = ethernet(payload)
+        file += struct.pack(order + "IIII", ns // 10**9, ns % 10**9 // 10**(9 - digits), len(data), len(data)) + data
+    return file
+
+
+def pcapng(packets):
+    def block(kind, body):
+        body += bytes(-len(body) % 4)
+        return struct.pack("<II", kind, len(body) + 12) + body + struct.pack("<I", len(body) + 12)
+
+    file = block(0x0a0d0d0a, struct.pack("<IHHq", 0x1a2b3c4d, 1, 0, -1))
+    file += block(1, struct.pack("<HHI", 1, 0, 0) + struct.pack("<HHB3xHH", 9, 1, 9, 0, 0))
+    for ns, payload in packets:
+        data = ethernet(payload)
+        file += block(6, struct.pack("<IIIII", 0, ns >> 32, ns & 0xffffffff, len(data), len(data)) + data)
+    return file
+
+
 class Drive:
     """A folder of scans with a line of TUM each: what all bags here are made of, and compared with."""
 
@@ -414,6 +461,35 @@ class Bags(unittest.TestCase):
         bag = write({"topics": topics, "messages": messages, "options": {}}, self.work / "ouster" / "bag" / "town.mcap")
         done = subprocess.run([COMPARE, folder, bag, "1e-5"], capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+    def test_velodyne_capture(self):
+        """The simulated drive of a VLP-16, rounded to its packets: a capture is the drive that a bag of these packets is."""
+        scans = [vlp16_packets(scan, ns) for scan, ns in zip(self.drive.scans, self.drive.stamps)]
+        packets = [packet for scan in scans for packet in scan]
+        folder = self.work / "capture"
+        folder.mkdir()
+        shutil.copy(self.drive.folder / "poses.tum", folder)
+        bag = write({"topics": [{"name": "/velodyne_packets", "type": "velodyne_msgs/msg/VelodyneScan"}],
+                     "messages": [{"topic": 0, "log_ns": str(scan[0][0]), "value": {
+                         "header": header(scan[0][0], "velodyne"),
+                         "packets": [{"stamp": stamp(at), "data": {"base64": base64.b64encode(data).decode()}}
+                                     for at, data in scan]}} for scan in scans], "options": {}}, folder / "packets.mcap")
+        poses = ["--poses", folder / "poses.tum"]
+        self.assertEqual(len(scans), len(self.drive.scans))
+
+        def map_of(drive, name):
+            run("build", drive, *poses, "-o", self.work / name, "--detector", "geometric")
+            return contents_of(self.work / name)
+
+        expected = map_of(bag, "packets_map")
+        for name, content in (("run.pcap", pcap(packets)), ("run_ns.pcap", pcap(packets, ">", 9)), ("run.pcapng", pcapng(packets))):
+            with self.subTest(name):
+                capture = folder / "captures" / name.replace(".", "_") / name
+                capture.parent.mkdir(parents=True)
+                capture.write_bytes(content)
+                done = subprocess.run([COMPARE, bag, capture], capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+                self.assertEqual(map_of(capture.parent, f"{name}_map"), expected)
 
     def test_choice(self):
         spec = self.drive.spec("odometry")

@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "bags/mcap_bag.hpp"
+#include "bags/pcap_bag.hpp"
 #include "bags/ros1_bag.hpp"
 #include "bags/rosbag2_database.hpp"
 #include "bags/unpacked_bag.hpp"
@@ -31,6 +32,7 @@ std::optional<BagFormat> bag_format(const std::filesystem::path& file) {
   // An older version is said when it is opened.
   constexpr std::string_view kAnyRosbag = "#ROSBAG V";
   if (starts_with(kAnyRosbag.data(), kAnyRosbag.size())) return BagFormat::kRos1;
+  if (pcap::is_capture(std::span(bytes).first(size))) return BagFormat::kPcap;
   return std::nullopt;
 }
 
@@ -42,8 +44,10 @@ std::unique_ptr<Bag> open_unpacked(const std::filesystem::path& file,
   if (format == BagFormat::kMcap) return std::make_unique<mcap::McapBag>(file, shown_as);
   if (format == BagFormat::kSqlite) return std::make_unique<Rosbag2Database>(file, shown_as);
   if (format == BagFormat::kRos1) return std::make_unique<ros1::Ros1Bag>(file, shown_as);
-  throw InputError(shown_as.string(), "no bag by its first bytes",
-                   "MCAP, a SQLite file of rosbag2 or a bag of ROS 1: record or copy it again");
+  if (format == BagFormat::kPcap) return std::make_unique<pcap::PcapBag>(file, shown_as);
+  throw InputError(
+      shown_as.string(), "no bag by its first bytes",
+      "MCAP, a SQLite file of rosbag2, a bag of ROS 1 or a capture: record or copy it again");
 }
 
 }  // namespace

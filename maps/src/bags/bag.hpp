@@ -59,7 +59,7 @@ struct BagDamage {
 };
 
 /// What a file is.
-enum class BagFormat : std::uint8_t { kMcap, kSqlite, kRos1 };
+enum class BagFormat : std::uint8_t { kMcap, kSqlite, kRos1, kPcap };
 
 /// A file of messages. Memory does not grow with the file. Safe from several threads.
 class Bag {

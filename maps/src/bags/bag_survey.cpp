@@ -26,8 +26,6 @@ constexpr std::size_t kMostFramesNamed = 8;
 constexpr std::size_t kMostClouds = 500'000;
 /// 8 hours of an Ouster at 10 Hz, 480 MB. Later ones are left out.
 constexpr std::size_t kMostPackets = 20'000'000;
-/// 14 hours at 200 Hz, 320 MB. Later ones are left out.
-constexpr std::size_t kMostImuReadings = 10'000'000;
 /// Orientation, rate and force, with the covariances of the first two.
 constexpr std::size_t kImuBytes = 8 * (4 + 9 + 3 + 9 + 3) + 8;
 

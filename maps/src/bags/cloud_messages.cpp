@@ -15,7 +15,9 @@ const CloudType* cloud_type(std::string_view type) {
   static constexpr CloudType kLivox{
       [](MessageReader& reader, Lasers) { return decode_livox_cloud(reader); },
       fields_of_livox_cloud};
-  static constexpr CloudType kVelodyne{decode_velodyne_scan, fields_of_velodyne_scan};
+  static constexpr CloudType kVelodyne{
+      [](MessageReader& reader, Lasers lasers) { return decode_velodyne_scan(reader, lasers); },
+      fields_of_velodyne_scan};
   if (type == kPointCloud2) return &kPoints;
   if (is_livox_type(type)) return &kLivox;
   return type == kVelodyneScan ? &kVelodyne : nullptr;

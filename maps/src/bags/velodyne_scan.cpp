@@ -16,9 +16,11 @@ constexpr std::size_t kLeastBytesOfPacket = 8 + kVelodynePacketBytes;
 
 }  // namespace
 
-DecodedScan decode_velodyne_scan(MessageReader& reader, std::span<const VelodyneLaser> lasers) {
+DecodedScan decode_velodyne_scan(MessageReader& reader, std::span<const VelodyneLaser> lasers,
+                                 std::size_t max_points) {
   const RosHeader header = read_header(reader);
   const std::size_t packets = reader.count(kLeastBytesOfPacket);
+  check_point_count(std::uint64_t{kVelodynePacketPoints} * packets, max_points, reader.name());
   VelodyneSweep sweep(lasers, reader.name());
   std::int64_t zero_ns = header.stamp_ns;
   for (std::size_t i = 0; i < packets; ++i) {

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/scan_file.hpp>
 
+#include <cstddef>
 #include <span>
 #include <string>
 #include <string_view>
@@ -20,7 +21,8 @@ inline constexpr std::string_view kVelodyneScan = "velodyne_msgs/msg/VelodyneSca
 /// @param lasers  of the sensor's calibration, or empty (`VelodyneSweep`).
 /// @throws InputError as `decode_point_cloud2` and `VelodyneSweep::add`.
 [[nodiscard]] DecodedScan decode_velodyne_scan(MessageReader& reader,
-                                               std::span<const VelodyneLaser> lasers = {});
+                                               std::span<const VelodyneLaser> lasers = {},
+                                               std::size_t max_points = 4'000'000);
 
 /// "packets N x 1206". @throws as above.
 [[nodiscard]] std::vector<std::string> fields_of_velodyne_scan(MessageReader& reader);

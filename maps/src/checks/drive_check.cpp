@@ -205,8 +205,8 @@ void check_values(const std::vector<SampledScan>& samples, DriveCheck& check) {
   if (points_in_file > 0 && 2 * points < points_in_file)
     check.findings.push_back(
         {"few_returns",
-         fmt::format("{} of {} points are no returns or not finite", points_in_file - points,
-                     points_in_file),
+         fmt::format("{} of {} points are no returns, not finite or marked unsure by the sensor",
+                     points_in_file - points, points_in_file),
          "usual for organized clouds of a sensor under the open sky; otherwise "
          "check the fields x, y, z"});
 }
@@ -219,14 +219,23 @@ void check_point_times(const Drive& drive, const std::vector<SampledScan>& sampl
   const auto noted = std::ranges::find_if(
       samples, [](const SampledScan& sample) { return !sample.times_note.empty(); });
   std::vector<std::string> times;
-  for (const std::string& field : drive.contents().entries.fields)
-    if (is_time_name(field.substr(0, field.find(' ')))) times.push_back(field);
+  std::size_t known = 0;
+  for (const std::string& field : drive.contents().entries.fields) {
+    const std::string name = field.substr(0, field.find(' '));
+    if (may_be_time_name(name)) times.push_back(field);
+    if (is_time_name(name)) ++known;
+  }
   std::string what;
   if (noted != samples.end())
     what = noted->times_note;
-  else if (is_left_out && times.size() > 1)
+  else if (is_left_out && known > 1)
     what = fmt::format("several fields may be the times of the points ({}): none is taken",
                        fmt::join(times, ", "));
+  else if (is_left_out && known == 0 && !times.empty())
+    what = fmt::format(
+        "no field has a name that is known for the times of the points ({}): none "
+        "is taken",
+        fmt::join(times, ", "));
   if (what.empty()) return;
   if (!is_left_out) {
     findings.push_back({"times_doubted", what,

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <utility>
 
 namespace stillmap::maps {
 namespace {
@@ -94,6 +96,13 @@ std::shared_ptr<const std::vector<ImuReading>> usable_readings(std::vector<ImuRe
   return std::make_shared<const std::vector<ImuReading>>(std::move(readings));
 }
 
+SweepTurn::SweepTurn(std::vector<float> times_s, std::vector<Eigen::Matrix3f> R_stamp_then)
+    : times_s_(std::move(times_s)), R_stamp_then_(std::move(R_stamp_then)) {
+  if (times_s_.size() < 2 || times_s_.size() != R_stamp_then_.size())
+    throw std::invalid_argument(
+        fmt::format("SweepTurn: {} times and {} rotations", times_s_.size(), R_stamp_then_.size()));
+}
+
 Eigen::Matrix3f SweepTurn::at(float time_s) const {
   if (is_none()) return Eigen::Matrix3f::Identity();
   const auto after = std::ranges::upper_bound(times_s_, time_s);
@@ -122,11 +131,12 @@ std::shared_ptr<const SweepTurn> turn_of(const Scan& scan, std::span<const ImuRe
   const std::vector<float>& times_s = scan.cloud.time_offsets_s;
   if (times_s.empty()) return nullptr;
   const auto [first_s, last_s] = std::ranges::minmax(times_s);
-  if (first_s == last_s) return nullptr;
   const auto ns = [](float s) { return std::llround(1e9 * static_cast<double>(s)); };
   const std::int64_t first_ns = scan.stamp_ns + ns(first_s);
+  const std::int64_t last_ns = scan.stamp_ns + ns(last_s);
+  if (first_ns == last_ns) return nullptr;
   const auto turns = turns_between(readings, fit.bias_radps, first_ns - fit.clock_offset_ns,
-                                   scan.stamp_ns + ns(last_s) - fit.clock_offset_ns);
+                                   last_ns - fit.clock_offset_ns);
   const auto R_stamp_first = turn_between_stamps(readings, fit, scan.stamp_ns, first_ns);
   if (!turns || !R_stamp_first) return nullptr;
   std::vector<float> at_s;

@@ -386,6 +386,8 @@ DriveLayout layout_of(BagFormat format) {
       return DriveLayout::kMcap;
     case BagFormat::kSqlite:
       return DriveLayout::kRosbag2;
+    case BagFormat::kPcap:
+      return DriveLayout::kPcap;
     case BagFormat::kRos1:
       break;
   }

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kMetadata = "metadata.yaml";
-constexpr std::array<std::string_view, 3> kExtensions{".mcap", ".db3", ".bag"};
+constexpr std::array<std::string_view, 5> kExtensions{".mcap", ".db3", ".bag", ".pcap", ".pcapng"};
 constexpr std::string_view kPacked = ".zstd";
 
 std::string_view without_blanks(std::string_view text) {

@@ -73,7 +73,7 @@ LayoutReader reader_for(const std::filesystem::path& root) {
       "velodyne_points/data/*.bin (KITTI raw), velodyne/*.bin (KITTI odometry), "
       "Scans/*.pcd with optimized_poses.txt (key frames), Ouster/*.bin with "
       "global_pose.csv (MulRan), 000000/cloud.pcd with 000000/data (hdl_graph_slam), *.mcap, *.db3 "
-      "or *.bag (bags), *.rawlog (MRPT), or *.pcd, "
+      "or *.bag (bags), *.pcap or *.pcapng (captures of a Velodyne), *.rawlog (MRPT), or *.pcd, "
       "*.ply or *.bin");
 }
 
@@ -142,9 +142,10 @@ Drive::Contents open_place(const Address& address, const PosesChoice& poses) {
   }
   if (is_rawlog(place)) return open_rawlog_drive(place, words, poses);
   if (!std::filesystem::is_directory(place) && !is_bag(place)) {
-    throw InputError(place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
-                     "the folder of a drive, a bag (MCAP, SQLite of rosbag2, ROS 1) or an MRPT "
-                     "rawlog: check the path");
+    throw InputError(
+        place.string(), std::filesystem::exists(place) ? "a file" : "nothing",
+        "the folder of a drive, a bag (MCAP, SQLite of rosbag2, ROS 1, pcap) or an MRPT "
+        "rawlog: check the path");
   }
   return open_bag_drive(place, words, poses);
 }
@@ -191,6 +192,8 @@ std::string_view name_of(DriveLayout layout) {
       return "rosbag2";
     case DriveLayout::kRosbag1:
       return "rosbag1";
+    case DriveLayout::kPcap:
+      return "pcap";
     case DriveLayout::kMulran:
       return "mulran";
     case DriveLayout::kHdlGraphSlam:

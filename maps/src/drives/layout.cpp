@@ -73,7 +73,9 @@ Trajectory shifted(const Trajectory& trajectory, std::int64_t offset_ns, const f
 
 /// What to do about stamps that are wrong, beyond correcting them.
 std::string remedy_of_stamps(const Drive::Contents& contents) {
-  const bool is_bag = is_recording(contents.layout) && contents.layout != DriveLayout::kRawlog;
+  // In rawlogs and captures there is one time alone.
+  const bool is_bag = is_recording(contents.layout) && contents.layout != DriveLayout::kRawlog &&
+                      contents.layout != DriveLayout::kPcap;
   return is_bag ? fmt::format(
                       "add stamps=recorded behind the drive's path, as in "
                       "'{}?stamps=recorded', for the recorder's times",
@@ -388,7 +390,8 @@ void set_entries_of_files(Drive::Contents& contents) {
 
 bool is_recording(DriveLayout layout) {
   return layout == DriveLayout::kMcap || layout == DriveLayout::kRosbag2 ||
-         layout == DriveLayout::kRosbag1 || layout == DriveLayout::kRawlog;
+         layout == DriveLayout::kRosbag1 || layout == DriveLayout::kPcap ||
+         layout == DriveLayout::kRawlog;
 }
 
 void keep_scans(Drive::Contents& contents, const std::vector<std::size_t>& kept) {

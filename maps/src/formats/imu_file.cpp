@@ -5,10 +5,11 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
+#include <cstddef>
 #include <string>
 #include <string_view>
 
+#include "formats/file_reader.hpp"
 #include "formats/pose_table.hpp"
 
 namespace stillmap::maps {
@@ -21,14 +22,17 @@ constexpr std::array<std::string_view, 7> kImuColumns{"stamp_ns", "wx", "wy", "w
 /// The year 2096. Stamps below have differences that fit into 64 bits, whatever their signs.
 constexpr std::uint64_t kMaxStampNs = 4'000'000'000'000'000'000;
 
-/// The file's first line; lines of columns are short.
+/// 107 for each of `kMostImuReadings`; a line with all digits of a double has some 140.
+constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 30U;
+
+/// The file's first line without a byte order mark; lines of columns are short.
 std::string first_line(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  std::string line(4096, '\0');
-  stream.read(line.data(), static_cast<std::streamsize>(line.size()));
-  if (stream.bad()) throw StorageError(file.string(), "cannot be read");
-  line.resize(static_cast<std::size_t>(stream.gcount()));
-  return line.substr(0, line.find('\n'));
+  std::array<std::byte, 4096> bytes{};
+  const std::size_t size = FileReader(file).read_at(0, bytes);
+  std::string_view line(reinterpret_cast<const char*>(bytes.data()), size);
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (line.starts_with(kByteOrderMark)) line.remove_prefix(kByteOrderMark.size());
+  return std::string(line.substr(0, line.find('\n')));
 }
 
 /// Where each of `kImuColumns` stands.
@@ -55,8 +59,8 @@ bool has_imu_columns(const std::filesystem::path& file) {
   });
 }
 
-std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
-  const std::string text = read_text(file, std::uintmax_t{4} << 30U);
+std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file, std::size_t most_readings) {
+  const std::string text = read_text(file, kMostBytes);
   std::string_view rest = text;
   const auto header = take_line(rest);
   const std::array<std::size_t, 7> places = places_of(header.value_or(""), file.string());
@@ -68,6 +72,9 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
     if (cells.size() < columns)
       throw InputError(place(file, number), quoted(*line),
                        std::to_string(columns) + " columns, as the first line names");
+    if (readings.size() == most_readings)
+      throw InputError(file.string(), "more than " + std::to_string(most_readings) + " readings",
+                       "fewer: split the drive, or keep every second reading");
     ImuReading& reading = readings.emplace_back();
     const auto number_in = [&](std::size_t name) {
       const auto value = parse_number(cells[places[name]]);

@@ -16,8 +16,10 @@ namespace {
 
 constexpr std::array<std::string_view, 5> kIntensityNames{"intensity", "i", "reflectivity",
                                                           "reflectance", "scalar_intensity"};
-constexpr std::array<std::string_view, 5> kTimeNames{"t", "time", "timestamp", "offset_time",
-                                                     "time_stamp"};
+/// The last three are those of Aeva, Blickfeld and Cepton.
+constexpr std::array<std::string_view, 8> kTimeNames{
+    "t",          "time",           "timestamp",         "offset_time",
+    "time_stamp", "time_offset_ns", "point_time_offset", "relative_timestamp"};
 
 template <typename Number>
 double read_as(const std::byte* bytes, bool big_endian) {
@@ -118,6 +120,10 @@ std::vector<Role> roles_of(std::span<const PointField> fields, const std::string
 
 bool is_time_name(const std::string& name) {
   return std::find(kTimeNames.begin(), kTimeNames.end(), lower(name)) != kTimeNames.end();
+}
+
+bool may_be_time_name(const std::string& name) {
+  return is_time_name(name) || lower(name).find("time") != std::string::npos;
 }
 
 PointTable::PointTable(std::span<const PointField> fields, std::span<const Role> roles,

@@ -35,7 +35,8 @@ enum class Role { kNone, kX, kY, kZ, kIntensity, kTime };
 
 /// One role a field, by its name in any case. Intensity: `intensity`, `i`, `reflectivity`,
 /// `reflectance` (the first of these that is there) and `scalar_intensity`. Time: `t`, `time`,
-/// `timestamp`, `offset_time`, `time_stamp`, if there is exactly one of them.
+/// `timestamp`, `offset_time`, `time_stamp`, `time_offset_ns`, `point_time_offset`,
+/// `relative_timestamp`, if there is exactly one of them.
 /// @param name  of the file, for messages.
 /// @throws InputError when x, y or z is missing, doubled or not one number, naming the fields
 /// found.
@@ -44,6 +45,8 @@ enum class Role { kNone, kX, kY, kZ, kIntensity, kTime };
 
 /// Whether a column of this name, in any case, may be the time.
 [[nodiscard]] bool is_time_name(const std::string& name);
+/// Whether it may be the time for people: it also counts when `roles_of` does not know the name.
+[[nodiscard]] bool may_be_time_name(const std::string& name);
 
 /// Collects the columns of a known number of points, then drops what is no point.
 class PointTable {

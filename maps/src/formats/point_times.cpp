@@ -113,7 +113,7 @@ class Column {
       return std::abs(from_stamp_s(value, unit.s, *stamp_ns_)) <=
              static_cast<double>(kMaxTimeOffsetS);
     };
-    return stamp_ns_ && near(least_) && near(most_);
+    return stamp_ns_ && digits_s(unit) <= kCoarsestS && near(least_) && near(most_);
   }
 
   [[nodiscard]] PointTimes from_stamp(const Unit& unit) const {

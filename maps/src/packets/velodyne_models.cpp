@@ -17,8 +17,8 @@ namespace {
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 /// Times by the manuals: VLP-16 63-9243 (9.3.1.3), HDL-32E 63-9113, VLP-32C 63-9325, VLS-128
-/// 63-9483. HDL-64E's packets (63-HDL64ES3) hold two banks of 32, whose times within a packet of
-/// 0.3 ms are left at its start.
+/// 63-9483. HDL-64E's packets (63-HDL64ES3) hold six firings of two banks of 32; the times within a
+/// firing of 48 us are left at its start.
 constexpr std::array<VelodyneModel, 6> kModels{{
     {"VLP-16", 0.002, 16, 55.296, 2.304, 1, true},
     {"Puck Hi-Res", 0.002, 16, 55.296, 2.304, 1, true},

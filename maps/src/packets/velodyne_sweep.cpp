@@ -79,13 +79,14 @@ void VelodyneSweep::set_model(std::span<const std::byte> packet) {
   if (model_ == model) return;
   model_ = model;
   if (lasers_.empty()) lasers_ = usual_lasers(*model);
-  if (lasers_.size() < model->lasers)
+  if (lasers_.size() != model->lasers)
     throw CalibrationError(
         name_,
         lasers_.empty() ? fmt::format("packets of {}, whose lasers differ from sensor "
                                       "to sensor",
                                       model->name)
-                        : fmt::format("a calibration of {} lasers", lasers_.size()),
+                        : fmt::format("packets of {} and a calibration of {} lasers", model->name,
+                                      lasers_.size()),
         fmt::format("the sensor's calibration of {} lasers: give "
                     "'BAG?calibration=NAME', a file of velodyne_pointcloud beside the bag",
                     model->lasers));
@@ -117,14 +118,21 @@ std::vector<VelodyneSweep::Block> VelodyneSweep::blocks_of(
   return blocks;
 }
 
-void VelodyneSweep::set_rate(const std::vector<Block>& blocks) {
+void VelodyneSweep::set_rate(const std::vector<Block>& blocks, double from_stamp_s) {
+  if (blocks.empty()) return;
+  const Block &first = blocks.front(), &last = blocks.back();
+  const auto before = std::exchange(before_, Start{first.azimuth, from_stamp_s});
+  const double us = last.from_packet_us - first.from_packet_us;
+  if (us > 0.0) return set_rate(first.azimuth, last.azimuth, us);
+  // A packet of one sequence: the packet before is one sequence earlier, if none was lost.
+  if (before && 1e6 * (from_stamp_s - before->from_stamp_s) < 1.5 * model_->sequence_us)
+    set_rate(before->azimuth, first.azimuth, model_->sequence_us);
+}
+
+void VelodyneSweep::set_rate(std::uint32_t from, std::uint32_t to, double us) {
   // A turn at 20 Hz takes 50 ms.
   constexpr double kMostRadPerUs = 2.0 * std::numbers::pi / 40'000.0;
-  if (blocks.size() < 2) return;
-  const Block &first = blocks.front(), &last = blocks.back();
-  const double us = last.from_packet_us - first.from_packet_us;
-  if (us <= 0.0) return;
-  const std::uint32_t turned = (last.azimuth + kFullTurn - first.azimuth) % kFullTurn;
+  const std::uint32_t turned = (to + kFullTurn - from) % kFullTurn;
   const double rate = turned * kRadPerUnit / us;
   if (rate <= kMostRadPerUs) rad_per_us_ = rate;
 }
@@ -135,7 +143,7 @@ void VelodyneSweep::add(std::span<const std::byte> packet, double from_stamp_s) 
                      fmt::format("{}: record the packets again", kVelodynePacketBytes));
   set_model(packet);
   const std::vector<Block> blocks = blocks_of(packet);
-  set_rate(blocks);
+  set_rate(blocks, from_stamp_s);
   for (const Block& block : blocks) add_block(block, from_stamp_s);
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,13 +15,15 @@ namespace stillmap::maps {
 
 /// Of a data packet of any Velodyne.
 inline constexpr std::size_t kVelodynePacketBytes = 1206;
+/// Most points of a packet: 12 blocks of 32 returns.
+inline constexpr std::size_t kVelodynePacketPoints = 384;
 
 /// Makes the points of a sweep from its packets, in the sensor's frame as ROS has it: x ahead
 /// (azimuth 0 of the sensor), y left, z up.
 ///
 /// Each laser gets the azimuth and the time of its own firing: the sensor goes on turning within a
-/// packet. Of dual returns both are taken, once where they are the same. Ranges of 0 are "no
-/// return".
+/// packet. How fast is told by the packet, or by it and the one before. Of dual returns both are
+/// taken, once where they are the same. Ranges of 0 are "no return".
 class VelodyneSweep {
  public:
   /// @param lasers  of a calibration; empty: those of the model's manual.
@@ -38,7 +41,9 @@ class VelodyneSweep {
   struct Block;
   void set_model(std::span<const std::byte> packet);
   [[nodiscard]] std::vector<Block> blocks_of(std::span<const std::byte> packet) const;
-  void set_rate(const std::vector<Block>& blocks);
+  void set_rate(const std::vector<Block>& blocks, double from_stamp_s);
+  /// @param from, to  azimuths so many us apart.
+  void set_rate(std::uint32_t from, std::uint32_t to, double us);
   void add_block(const Block& block, double from_stamp_s);
   void add_point(const VelodyneLaser& laser, double range_m, double azimuth_rad);
 
@@ -47,6 +52,12 @@ class VelodyneSweep {
   const VelodyneModel* model_ = nullptr;
   /// Turn of the sensor, of the last packet that told it.
   double rad_per_us_ = 0.0;
+  /// Where and when the packet before began.
+  struct Start {
+    std::uint32_t azimuth = 0;
+    double from_stamp_s = 0.0;
+  };
+  std::optional<Start> before_;
   PointCloud cloud_;
 };
 

@@ -423,7 +423,8 @@ void add_build_options(CLI::App& command, BuildArguments& arguments) {
           "DRIVE", arguments.drives,
           "Drives: KITTI raw or odometry, MulRan, a key frame folder, a folder of .pcd, .ply or "
           ".bin "
-          "scans, a dump of hdl_graph_slam, an MRPT rawlog, or a bag (MCAP, rosbag2, ROS 1). A bag "
+          "scans, a dump of hdl_graph_slam, an MRPT rawlog, or a bag (MCAP, rosbag2, ROS 1, or a "
+          "Velodyne's pcap). A bag "
           "with several topics: "
           "'FILE?cloud=TOPIC&poses=TOPIC&pose_frame=FRAME&gnss=TOPIC'. Several lidars as one: "
           "cloud=TOPIC,TOPIC, or a folder with lidars.json. Scans without times of points: "

@@ -30,7 +30,7 @@ Eigen::Vector3d to_map(const std::array<float, 3>& p, const Eigen::Vector3d& ori
 std::string topic_of(const maps::Drive::Contents& contents) {
   using enum maps::DriveLayout;
   if (contents.layout != kMcap && contents.layout != kRosbag2 && contents.layout != kRosbag1 &&
-      contents.layout != kRawlog)
+      contents.layout != kPcap && contents.layout != kRawlog)
     return {};
   if (!contents.lidars.empty()) return fmt::format("{}", fmt::join(contents.lidars, ","));
   std::string topic = contents.entries.topic;

@@ -221,6 +221,38 @@ TEST_F(DriveChecks, UpsideDownIsSaid) {
   EXPECT_NEAR(hanging.mounting->height_m, 1.7, 0.02);
 }
 
+TEST(DriveChecksOfColumns, SayWhichMayBeTheTimesOfPoints) {
+  const test::TemporaryFolder folder;
+  Drive::Contents contents;
+  for (std::size_t i = 0; i < 3; ++i) {
+    contents.scan_files.push_back(folder.write("run.mcap", "a bag"));
+    contents.stamps_ns.push_back(static_cast<std::int64_t>(i) * 100'000'000);
+    contents.entries.numbers.push_back(i);
+  }
+  contents.entries.read = [](std::size_t i) {
+    DecodedScan scan;
+    scan.points_in_file = 10;
+    scan.dropped.unsure = 9;
+    scan.cloud.positions = {{1.0F, 2.0F, static_cast<float>(i)}};
+    return scan;
+  };
+  contents.entries.sha256 = [](std::size_t i) { return std::to_string(i); };
+  const auto found = [&](const std::string& code) {
+    for (const DriveFinding& finding : check_drive(Drive(contents)).findings)
+      if (finding.code == code) return finding.what;
+    return std::string();
+  };
+  contents.entries.fields = {"x f32", "y f32", "z f32"};
+  EXPECT_THAT(found("times_not_taken"), IsEmpty());
+  EXPECT_THAT(found("few_returns"), HasSubstr("marked unsure"));
+  contents.entries.fields = {"x f32", "FiringTime u32", "ring u16"};
+  EXPECT_THAT(found("times_not_taken"),
+              HasSubstr("no field has a name that is known for the times of the points "
+                        "(FiringTime u32)"));
+  contents.entries.fields = {"t u32", "timestamp f64"};
+  EXPECT_THAT(found("times_not_taken"), HasSubstr("(t u32, timestamp f64)"));
+}
+
 TEST_F(DriveChecks, MillimetresConstantIntensityGapsAndDuplicates) {
   write(Eigen::Matrix3d::Identity(), 1000.0F, 0.0F);
   lost_from_ = 12;

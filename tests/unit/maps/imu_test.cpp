@@ -137,8 +137,19 @@ TEST(Imu, HasNoTurnForScansWithoutTimesOrReadings) {
   Scan scan = wall_seen_while_speeding_up(20'000'000);
   EXPECT_FALSE(turn_of(scan, readings, {})) << "the sweep begins before the readings";
   scan.stamp_ns = 500'000'000;
+  // 0.1 ns apart.
+  scan.cloud.time_offsets_s.assign(scan.cloud.size(), 0.0F);
+  scan.cloud.time_offsets_s.back() = 1e-10F;
+  EXPECT_FALSE(turn_of(scan, readings, {})) << "points of one instant";
   scan.cloud.time_offsets_s.clear();
   EXPECT_FALSE(turn_of(scan, readings, {}));
+}
+
+TEST(SweepTurn, NeedsTwoTimesWithARotationEach) {
+  const Eigen::Matrix3f R = Eigen::Matrix3f::Identity();
+  EXPECT_THROW(SweepTurn({0.0F}, {R}), std::invalid_argument);
+  EXPECT_THROW(SweepTurn({0.0F, 0.1F}, {R}), std::invalid_argument);
+  EXPECT_EQ(SweepTurn({0.0F, 0.1F}, {R, R}).at(0.05F), R);
 }
 
 TEST(ImuReadings, AreSortedAndFinite) {
@@ -197,6 +208,24 @@ TEST(ImuFile, RefusesWhatIsBroken) {
   for (const std::string stamp :
        {"99999999999999999999", "4000000000000000001", "-9000000000000000000"})
     expect(header + stamp + ",0,0,0,0,0,9.8\n", {"line 2", "whole number of ns", "4e18"});
+}
+
+TEST(ImuFile, HasABoundOnItsReadings) {
+  const TemporaryFolder folder;
+  const auto file =
+      folder.write("imu.csv", "stamp_ns,wx,wy,wz,ax,ay,az\n1,0,0,0,0,0,9.8\n2,0,0,0,0,0,9.8\n\n");
+  EXPECT_EQ(read_imu_csv(file, 2).size(), 2U);
+  EXPECT_THAT([&] { (void)read_imu_csv(file, 1); },
+              ThrowsSaying<InputError>({"imu.csv", "more than 1 readings", "split the drive"}));
+}
+
+TEST(ImuFile, MayBeginWithAByteOrderMark) {
+  const TemporaryFolder folder;
+  const auto file =
+      folder.write("imu.csv", "\xEF\xBB\xBFstamp_ns,wx,wy,wz,ax,ay,az\r\n1,0,0,0,0,0,9.8\r\n");
+  EXPECT_TRUE(has_imu_columns(file));
+  EXPECT_EQ(read_imu_csv(file).size(), 1U);
+  EXPECT_THROW((void)has_imu_columns(folder.path() / "none.csv"), StorageError);
 }
 
 TEST(ImuFile, BelongsToADriveOfAFolder) {

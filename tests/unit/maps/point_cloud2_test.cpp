@@ -132,6 +132,10 @@ TEST(PointCloud2, UnderstandsTimesOfTheSensors) {
   EXPECT_THAT(times<std::uint32_t>("t", 6, 50'000'000), ElementsAre(0.05F));            // Ouster
   EXPECT_THAT(times<std::uint32_t>("offset_time", 6, 50'000'000), ElementsAre(0.05F));  // Livox
   EXPECT_THAT(times<std::uint32_t>("time_stamp", 6, 50'000'000), ElementsAre(0.05F));   // Autoware
+  EXPECT_THAT(times<std::int32_t>("time_offset_ns", 5, -50'000'000), ElementsAre(-0.05F));  // Aeva
+  EXPECT_THAT(times<std::uint32_t>("point_time_offset", 6, 50'000'000),
+              ElementsAre(0.05F));                                         // Blickfeld
+  EXPECT_THAT(times("relative_timestamp", 7, 0.05F), ElementsAre(0.05F));  // Cepton
   // Hesai, Robosense: doubles of seconds, 0.24 us apart.
   EXPECT_THAT(times("timestamp", 8, 1'700'000'000.173456789),
               ElementsAre(::testing::FloatNear(0.05F, 3e-7F)));

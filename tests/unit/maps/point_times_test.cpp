@@ -88,6 +88,11 @@ TEST(PointTimes, AreLeftOutWhereNothingFits) {
   expect_left_out(read(sweep(1.0, 0.0, 7.0), NumberType::kF64), "they span 7");
   // Floats of 32 bits have steps of 4 ms after a day.
   expect_left_out(read(sweep(1.0, 86'400.0), NumberType::kF32), "steps of 0.0078 s at 86400.1");
+  // Those of today's seconds have steps of 128 s: all are one number, which may lie near the stamp.
+  constexpr std::int64_t kNearAStepNs = 1'699'999'872'300'000'000;
+  expect_left_out(
+      read(std::vector<double>(kPoints, 1'699'999'872.0F), NumberType::kF32, kNearAStepNs),
+      "they span 0, which is no sweep's time");
   std::vector<double> broken = sweep(1.0);
   broken[7] = std::numeric_limits<double>::quiet_NaN();
   expect_left_out(read(broken, NumberType::kF64), "some are not finite");

@@ -115,6 +115,79 @@ TEST(VelodynePacket, OfOtherModelsHasTheirAnglesAndTimes) {
   EXPECT_NEAR(decoded(vls).cloud.time_offsets_s[0], 1e-6 * (53.3 + 9 * 2.665 - 8.7), 1e-10);
 }
 
+/// 0.01 deg a unit; blocks of one firing have the same azimuth.
+void turn_blocks(Packet& packet, unsigned from, unsigned step, unsigned blocks_of_firing) {
+  for (unsigned block = 0; block < 12; ++block)
+    packet.put(block * 100 + 2, from + step * (block / blocks_of_firing));
+}
+
+TEST(VelodynePacket, GoesOnTurningWithinAFiringByEachModelsTimes) {
+  const auto azimuth_deg = [](const DecodedScan& scan) {
+    const Eigen::Vector3f& p = scan.cloud.positions.at(0);
+    return std::atan2(-p.y(), p.x()) / static_cast<float>(kRadPerDeg);
+  };
+  // The last laser of the second firing; 0.4 deg from a firing's block to the next.
+  Packet hi_res(0x24);
+  turn_blocks(hi_res, 4000, 40, 1);
+  hi_res.set(1, 15, 5000);
+  EXPECT_NEAR(azimuth_deg(decoded(hi_res)), 40.4 + 0.4 * 15 * 2.304 / 110.592, 1e-3);
+  Packet hdl32(0x21);
+  turn_blocks(hdl32, 4000, 40, 1);
+  hdl32.set(1, 31, 5000);
+  EXPECT_NEAR(azimuth_deg(decoded(hdl32)), 40.4 + 0.4 * 31 * 1.152 / 46.08, 1e-3);
+  Packet vlp32(0x28);
+  turn_blocks(vlp32, 4000, 40, 1);
+  vlp32.set(1, 31, 5000);
+  EXPECT_NEAR(azimuth_deg(decoded(vlp32)), 40.4 - 1.4 + 0.4 * 15 * 2.304 / 55.296, 1e-3);
+  Packet vls(0xa1);
+  for (unsigned block = 0; block < 12; ++block)
+    vls.set_block(block, 0xeeff - 0x1100 * (block % 4), 0);
+  turn_blocks(vls, 4000, 40, 4);
+  vls.set(7, 31, 5000);  // laser 127, 6.354 deg beside
+  EXPECT_NEAR(azimuth_deg(decoded(vls)), 40.4 - 6.354 + 0.4 * 16 * 2.665 / 53.3, 1e-3);
+}
+
+TEST(VelodyneSweep, OfDualVls128TurnsByThePacketBefore) {
+  // Two returns of 128 lasers fill a packet: its own blocks tell no rate.
+  const auto packet = [](unsigned azimuth) {
+    Packet dual(0xa1, 0x39);
+    for (unsigned block = 0; block < 8; ++block)
+      dual.set_block(block, 0xeeff - 0x1100 * (block / 2), azimuth);
+    dual.set(6, 31, 5000);  // laser 127
+    return dual;
+  };
+  // @return azimuth of the last packet's point, from its packet [deg].
+  const auto turned_deg = [&](std::vector<std::pair<unsigned, double>> packets) {
+    VelodyneSweep sweep({}, "a sweep");
+    for (const auto& [azimuth, from_stamp_us] : packets)
+      sweep.add(test::as_bytes(packet(azimuth).bytes), 1e-6 * from_stamp_us);
+    const Eigen::Vector3f p = std::move(sweep).finish().cloud.positions.back();
+    return std::atan2(-p.y(), p.x()) / kRadPerDeg + 6.354 - 0.01 * packets.back().first;
+  };
+  EXPECT_NEAR(turned_deg({{4000, 0.0}}), 0.0, 1e-3) << "nothing tells the rate";
+  EXPECT_NEAR(turned_deg({{4000, 0.0}, {4019, 53.3}}), 0.19 * 16 * 2.665 / 53.3, 1e-3);
+  EXPECT_NEAR(turned_deg({{4000, 0.0}, {4019, 53.3}, {4057, 160.0}}), 0.19 * 16 * 2.665 / 53.3,
+              1e-3)
+      << "a packet was lost";
+}
+
+TEST(VelodynePacket, OfHdl64eTakesTheCorrectionBetweenTwoDistances) {
+  Packet packet('V');
+  for (unsigned block = 0; block < 12; ++block)
+    packet.set_block(block, block % 2 == 0 ? 0xeeff : 0xddff, 9000);
+  std::vector<VelodyneLaser> lasers(64);
+  lasers[0] = {.range_m = 1.2, .near_x_m = 1.0, .near_y_m = 1.1, .two_points = true};
+  // At an azimuth of 90 deg the sensor's x (to the right) is the range.
+  const auto right_m = [&](double range_m) {
+    packet.set(0, 0, static_cast<unsigned>(std::lround(range_m / 0.002)));
+    return -decoded(packet, 0.0, lasers).cloud.positions.at(0).y();
+  };
+  // HDL-64E S2 manual, appendix F: at 25.04 m the far correction counts, at 2.4 m the near one.
+  EXPECT_NEAR(right_m(25.04 - 1.2), 25.04, 1e-4);
+  EXPECT_NEAR(right_m(2.4 - 1.2), 2.4 - 0.2, 1e-4);
+  EXPECT_NEAR(right_m(13.72 - 1.2), 13.72 - 0.1, 1e-4);
+}
+
 TEST(VelodynePacket, OfHdl64eNeedsTheSensorsCalibration) {
   Packet packet('V');
   for (unsigned block = 0; block < 12; ++block)
@@ -132,6 +205,9 @@ TEST(VelodynePacket, OfHdl64eNeedsTheSensorsCalibration) {
   EXPECT_NEAR(scan.cloud.positions[0].z(), 10.5 * std::sin(0.1) + 0.2 * std::cos(0.1), 1e-5);
   EXPECT_THAT([&] { (void)decoded(packet, 0.0, std::vector<VelodyneLaser>(32)); },
               ThrowsSaying<InputError>({"a calibration of 32 lasers", "64 lasers"}));
+  EXPECT_THAT([&] { (void)decoded(Packet(0x22), 0.0, lasers); },
+              ThrowsSaying<InputError>({"packets of VLP-16", "a calibration of 64 lasers",
+                                        "sensor's calibration of 16 lasers"}));
 }
 
 TEST(VelodynePacket, OfAnotherKindIsRefusedInWords) {
@@ -211,17 +287,34 @@ TEST(VelodyneScan, CountsTimesFromItsStampOrFromTheFirstPacketOfAnotherClock) {
 }
 
 TEST(VelodyneScan, IsRefusedWhereItIsCutAtAnyByte) {
-  const std::string whole = scan_message({{5, Packet(0x22)}}, 5, test::MessageBytes::Kind::kRos1);
-  for (std::size_t size = 0; size < whole.size(); ++size) {
-    const std::string cut = whole.substr(0, size);
-    EXPECT_THROW(
-        {
-          MessageReader reader(test::as_bytes(cut), Serialization::kRos1, "cut");
-          (void)decode_velodyne_scan(reader);
-        },
-        InputError)
-        << size;
+  using Kind = test::MessageBytes::Kind;
+  // CDR fills up each packet to the next one's stamp.
+  for (const auto& [kind, serialization] :
+       {std::pair{Kind::kRos1, Serialization::kRos1}, {Kind::kLittleEndian, Serialization::kCdr}}) {
+    const std::string whole = scan_message({{5, Packet(0x22)}, {6, Packet(0x22)}}, 5, kind);
+    for (std::size_t size = 0; size < whole.size(); ++size) {
+      const std::string cut = whole.substr(0, size);
+      EXPECT_THROW(
+          {
+            MessageReader reader(test::as_bytes(cut), serialization, "cut");
+            (void)decode_velodyne_scan(reader);
+          },
+          InputError)
+          << size;
+    }
   }
+}
+
+TEST(VelodyneScan, HasABoundOnItsPoints) {
+  const std::string bytes =
+      scan_message({{5, Packet(0x22)}, {6, Packet(0x22)}}, 5, test::MessageBytes::Kind::kRos1);
+  const auto decode = [&](std::size_t max_points) {
+    MessageReader reader(test::as_bytes(bytes), Serialization::kRos1, "/packets 3");
+    return decode_velodyne_scan(reader, {}, max_points);
+  };
+  EXPECT_EQ(decode(768).points_in_file, 768U);
+  EXPECT_THAT([&] { (void)decode(767); },
+              ThrowsSaying<InputError>({"/packets 3", "768 points", "at most 767"}));
 }
 
 }  // namespace velodyne_test

@@ -63,7 +63,7 @@ function lookAtTar(names: readonly string[], packing: Packing): Look {
 }
 
 /** Names of drives in one file. */
-export const kRecording = /\.(mcap|db3)(\.zstd)?$|\.(bag|rawlog)$/i;
+export const kRecording = /\.(mcap|db3)(\.zstd)?$|\.(bag|pcap|pcapng|rawlog)$/i;
 const kScan = /\.(bin|pcd|ply)$/i;
 
 /** A dropped folder: a package, or a drive if it contains a scan. */
@@ -71,7 +71,7 @@ export function lookAtFolder(name: string, paths: readonly string[]): Look {
   if (paths.length === 0) return { refused: `The folder “${name}” is empty. Choose another folder.` };
   const look = lookAtTar(paths, 'tar');
   if ('kind' in look && look.kind === 'drive' && !look.sure) {
-    return { refused: `The folder “${name}” has neither a map package (manifest.json) nor scans (.bin, .pcd, .ply, .mcap, .db3, .bag, .rawlog). Choose the folder that contains them.` };
+    return { refused: `The folder “${name}” has neither a map package (manifest.json) nor scans (.bin, .pcd, .ply, .mcap, .db3, .bag, .pcap, .pcapng, .rawlog). Choose the folder that contains them.` };
   }
   return look;
 }

@@ -13,7 +13,7 @@ export function faultOfName(name: string): string | undefined {
 
 /** A name for a map, made from a file name. */
 export function suggestedMap(file: string): string {
-  const bare = file.replace(/(\.(tar|tgz|gz|zst|zstd|pcd|ply|las|mcap|db3|bag|rawlog))+$/i, '').toLowerCase();
+  const bare = file.replace(/(\.(tar|tgz|gz|zst|zstd|pcd|ply|las|mcap|db3|bag|pcap|pcapng|rawlog))+$/i, '').toLowerCase();
   return bare.replace(/[^a-z0-9._-]+/g, '-').replace(/^[^a-z0-9]+|[-._]+$/g, '').slice(0, 63) || 'map';
 }
 

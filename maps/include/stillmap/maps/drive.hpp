@@ -28,6 +28,7 @@ enum class DriveLayout {
   kMcap,
   kRosbag2,
   kRosbag1,
+  kPcap,
   kMulran,
   kHdlGraphSlam,
   kRawlog
@@ -114,13 +115,13 @@ class Drive {
 
   /// Opens a drive of any layout, told apart by content: a folder, or the file of a bag.
   ///
-  /// Bags (MCAP, rosbag2, ROS 1). The scans are the messages of the one topic of PointCloud2, of
-  /// Livox' CustomMsg or of VelodyneScan, with the stamps of their headers. Poses come from the one
-  /// topic of Odometry, or of PoseStamped with at least one pose for 40 scans; tf_static moves them
-  /// to the frame of the clouds. Without such a topic they come from tf: from the highest frame
-  /// called map, odom, world or camera_init, else from earth. If tf only repeats the topic, the
-  /// topic is used. Poses are interpolated to the scans. Scans at the ends without a pose are left
-  /// out and noted.
+  /// Bags (MCAP, rosbag2, ROS 1; captures of a Velodyne's packets, pcap or pcapng). The scans are
+  /// the messages of the one topic of PointCloud2, of Livox' CustomMsg or of VelodyneScan, with the
+  /// stamps of their headers. Poses come from the one topic of Odometry, or of PoseStamped with at
+  /// least one pose for 40 scans; tf_static moves them to the frame of the clouds. Without such a
+  /// topic they come from tf: from the highest frame called map, odom, world or camera_init, else
+  /// from earth. If tf only repeats the topic, the topic is used. Poses are interpolated to the
+  /// scans. Scans at the ends without a pose are left out and noted.
   ///
   /// If a bag leaves more than one choice, it is made in `topics.txt` of the bag's folder, or
   /// behind the path: `run.mcap?cloud=/points&poses=/odom&pose_frame=base_link&gnss=/fix&imu=/imu`,

@@ -4,13 +4,13 @@
 
 #include <Eigen/Core>
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace stillmap::maps {
@@ -22,8 +22,8 @@ class SweepTurn {
   SweepTurn() = default;
   /// @param times_s  relative to the stamp, increasing, at least two.
   /// @param R_stamp_then  rotations, one a time.
-  SweepTurn(std::vector<float> times_s, std::vector<Eigen::Matrix3f> R_stamp_then)
-      : times_s_(std::move(times_s)), R_stamp_then_(std::move(R_stamp_then)) {}
+  /// @throws std::invalid_argument for fewer than two times, or another number of rotations.
+  SweepTurn(std::vector<float> times_s, std::vector<Eigen::Matrix3f> R_stamp_then);
 
   [[nodiscard]] bool is_none() const { return times_s_.empty(); }
   /// Rotation that takes points from the lidar's axes at a time to those at the stamp. Linear
@@ -44,6 +44,9 @@ struct ImuReading {
   /// Specific force [m/s^2]: gravity's reaction, upward, while the sensor stands.
   Eigen::Vector3f force_mps2 = Eigen::Vector3f::Zero();
 };
+
+/// A drive has no more: 14 hours at 200 Hz, 320 MB.
+inline constexpr std::size_t kMostImuReadings = 10'000'000;
 
 /// The IMU of a drive. 32 bytes a reading are held in memory: 23 MB for an hour of 200 Hz.
 struct Imu {
@@ -80,8 +83,11 @@ struct Imu {
 /// `imu.csv` beside scans: a header that names the columns stamp_ns, wx, wy, wz [rad/s], ax, ay, az
 /// [m/s^2] in the lidar's axes, in any order; others are ignored.
 /// Stamps are at most 4e18 ns (the year 2096), of either sign.
-/// @throws InputError naming file, line and what is missing or no number; StorageError.
-[[nodiscard]] std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file);
+/// The file has at most 1 GiB.
+/// @throws InputError naming file, line and what is missing or no number, or for more readings;
+/// StorageError.
+[[nodiscard]] std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file,
+                                                   std::size_t most_readings = kMostImuReadings);
 
 /// Rotation R_from_to of the lidar between two stamps of the scans' clock, from the gyroscope.
 /// @param fit  of the readings.

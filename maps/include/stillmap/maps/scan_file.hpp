@@ -35,7 +35,8 @@ struct DecodedScan {
 
 /// Which columns of PCD and PLY are read: x y z; one of intensity, i, reflectivity, reflectance,
 /// scalar_intensity (the first that is there; not finite = 0); and a time when exactly one of t,
-/// time, timestamp, offset_time, time_stamp is there. Names in any case. Times are read in the unit
+/// time, timestamp, offset_time, time_stamp, time_offset_ns, point_time_offset, relative_timestamp
+/// is there. Names in any case. Times are read in the unit
 /// in which a sweep takes as long as sensors need for one, from the stamp or from a clock's zero
 /// (`formats/point_times.hpp`); where there is none, all are left out, and `times_note` says why.
 /// In `kBinXyzit` they are seconds from the stamp; others are refused.
