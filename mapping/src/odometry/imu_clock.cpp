@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -29,7 +30,7 @@ constexpr double kMostCountedRad = 0.05;
 /// tells what right and wrong ones explain),
 constexpr double kLeastExplained = 0.6;
 /// the clock offset is known to this [s],
-constexpr double kMostOffsetSigmaS = 0.005;
+constexpr double kMostOffsetSigmaS = 0.01;
 /// and the bias is below what data sheets of small IMUs allow [rad/s]: 5 deg/s.
 constexpr double kMostBiasRadps = 0.0873;
 /// Scans that turn less tell nothing about an IMU [rad].
@@ -124,23 +125,34 @@ TriedOffset of_dead_gyroscope(std::span<const ScanTurn> turns,
   return with_offset(turns, dead, offset_s);
 }
 
-/// From how much the turns change with the offset.
+/// From how much the turns change with the offset, and how differently ten parts of the drive pull
+/// it: errors of neighbouring scans are alike.
 double offset_sigma_s(std::span<const ScanTurn> turns, std::span<const maps::ImuReading> readings,
                       const TriedOffset& best) {
   constexpr double kAsideS = 0.025;
   /// Median length of three normal errors.
   constexpr double kMedianLength = 1.538;
+  constexpr std::size_t kParts = 10;
   double information = 0.0;
-  for (const ScanTurn& turn : turns) {
+  std::array<double, kParts> pulls{};
+  for (std::size_t i = 0; i < turns.size(); ++i) {
     const auto with = [&](double offset_s) {
-      return maps::turn_between_stamps(readings, {ns_of(offset_s), best.bias}, turn.from_ns,
-                                       turn.to_ns);
+      return maps::turn_between_stamps(readings, {ns_of(offset_s), best.bias}, turns[i].from_ns,
+                                       turns[i].to_ns);
     };
-    const auto before = with(best.offset_s - kAsideS), after = with(best.offset_s + kAsideS);
-    if (before && after)
-      information += (maps::log_so3(before->transpose() * *after) / (2.0 * kAsideS)).squaredNorm();
+    const auto before = with(best.offset_s - kAsideS), at = with(best.offset_s),
+               after = with(best.offset_s + kAsideS);
+    if (!before || !at || !after) continue;
+    const Eigen::Vector3d change = maps::log_so3(before->transpose() * *after) / (2.0 * kAsideS);
+    Eigen::Vector3d off = maps::log_so3(turns[i].R_from_to.transpose() * *at);
+    off *= std::min(1.0, kMostCountedRad / std::max(off.norm(), 1e-9));
+    information += change.squaredNorm();
+    pulls[i * kParts / turns.size()] += change.dot(off);
   }
-  return best.median_rad / kMedianLength / std::sqrt(std::max(information, 1e-12));
+  double squares = 0.0;
+  for (const double pull : pulls) squares += pull * pull;
+  const double alone = best.median_rad / kMedianLength * std::sqrt(information);
+  return std::max(alone, std::sqrt(squares)) / std::max(information, 1e-12);
 }
 
 constexpr double kDegPerRad = 180.0 / std::numbers::pi;
@@ -188,6 +200,12 @@ std::vector<ScanTurn> turns_of(const maps::Drive& drive, std::size_t begin,
   }
   return turns;
 }
+
+struct FitWithFault {
+  std::optional<ImuCheck> check;
+  /// As `imu_fault`.
+  std::string fault;
+};
 
 /// First scan of those that the IMU is fitted to.
 std::size_t first_to_fit(const maps::Drive& drive, const maps::Imu& imu) {
@@ -265,21 +283,31 @@ maps::Drive with_fitted_imu(const maps::Drive& drive, int threads, const Progres
   if (!imu || imu->fit) return drive;
   const std::size_t begin = first_to_fit(drive, *imu);
   const std::size_t end = std::min(begin + kFitScans, drive.size());
-  maps::Drive fitted = drive.with_imu(nullptr);
-  std::optional<ImuCheck> check;
-  // With the first fit sweeps are straight, which tells the second one more exactly.
-  for (int round = 0; round < 2; ++round) {
-    const std::vector<OdometryPose> poses =
-        run_odometry({.drive = fitted, .begin = begin, .end = end}, threads, progress, cancel);
-    const std::vector<ScanTurn> turns = turns_of(drive, begin, poses);
-    check = fit_imu(turns, *imu->readings);
-    if (const std::string fault = imu_fault(*imu, turns, check); !fault.empty())
-      return with_note(drive.with_imu(nullptr), imu->source + " is not used: " + fault);
-    auto with_fit = std::make_shared<maps::Imu>(*imu);
-    with_fit->fit = check->fit;
-    fitted = drive.with_imu(std::move(with_fit));
+  const auto with_fit = [&](const maps::Imu::Fit& fit) {
+    auto fitted = std::make_shared<maps::Imu>(*imu);
+    fitted->fit = fit;
+    return drive.with_imu(std::move(fitted));
+  };
+  const auto look = [&](const maps::Drive& fitted) {
+    const std::vector<ScanTurn> turns = turns_of(
+        drive, begin,
+        run_odometry({.drive = fitted, .begin = begin, .end = end}, threads, progress, cancel));
+    FitWithFault found;
+    found.check = fit_imu(turns, *imu->readings);
+    found.fault = imu_fault(*imu, turns, found.check);
+    return found;
+  };
+  FitWithFault found = look(drive.with_imu(nullptr));
+  if (!found.fault.empty()) {
+    // Odometry may have lost its way without the IMU: the IMU as it is may still lead it.
+    FitWithFault led = look(with_fit({}));
+    if (led.fault.empty()) found = std::move(led);
   }
-  return with_note(fitted, fit_text(*imu, *check));
+  // With the first fit sweeps are straight, which tells the second one more exactly.
+  if (found.fault.empty()) found = look(with_fit(found.check->fit));
+  if (!found.fault.empty())
+    return with_note(drive.with_imu(nullptr), imu->source + " is not used: " + found.fault);
+  return with_note(with_fit(found.check->fit), fit_text(*imu, *found.check));
 }
 
 }  // namespace stillmap::mapping

@@ -55,9 +55,10 @@ inline constexpr double kMostClockOffsetS = 0.5;
                                     const std::optional<ImuCheck>& check);
 
 /// The drive with its IMU fitted to 300 of its scans, as `default` odometry follows them: the first
-/// ones in which the gyroscope turns at least half as much as anywhere in the drive. An IMU with an
-/// `imu_fault` is left out. The drive's notes say what was found. A drive without an IMU, or with
-/// one that is fitted, stays as it is.
+/// ones in which the gyroscope turns at least half as much as anywhere in the drive; first without
+/// the IMU, and where that does not fit, led by it. An IMU with an `imu_fault` is left out. The
+/// drive's notes say what was found. A drive without an IMU, or with one that is fitted, stays as
+/// it is.
 /// @throws as `run_odometry`.
 [[nodiscard]] maps::Drive with_fitted_imu(const maps::Drive& drive, int threads,
                                           const ProgressCallback& progress,
