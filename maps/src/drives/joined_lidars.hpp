@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/drive.hpp>
+#include <stillmap/maps/lidar_set.hpp>
 
 #include <Eigen/Geometry>
 
@@ -12,9 +13,6 @@
 #include "drives/layout.hpp"
 
 namespace stillmap::maps {
-
-/// Of one vehicle, the reference among them.
-inline constexpr std::size_t kMostLidars = 16;
 
 /// A lidar beside the reference.
 struct BesideLidar {

@@ -187,7 +187,7 @@ void add_calibrate(CLI::App& app) {
   // With the reference no more than lidars.json may name.
   command->add_option("LIDAR", arguments->lidars, "Drives of the other lidars")
       ->required()
-      ->expected(1, maps::kMostLidars - 1)
+      ->expected(1, int{maps::kMostLidars} - 1)
       ->check(command_line::existing_drive());
   command
       ->add_option("-o,--output", arguments->output,

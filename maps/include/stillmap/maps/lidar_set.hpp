@@ -12,7 +12,7 @@ namespace stillmap::maps {
 /// Name of the file that makes a folder a drive of several lidars.
 inline constexpr std::string_view kLidarSetFile = "lidars.json";
 /// That it names.
-inline constexpr int kMostLidars = 16;
+inline constexpr std::size_t kMostLidars = 16;
 
 /// One lidar of a vehicle with several.
 struct MountedLidar {
