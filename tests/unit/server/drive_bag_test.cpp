@@ -5,6 +5,7 @@
 #include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
+#include <stillmap/maps/imu.hpp>
 #include <stillmap/maps/recording_choice.hpp>
 
 #include <fmt/format.h>
@@ -735,6 +736,38 @@ TEST_F(BagDrive, NamesBothClocksWhereNoPoseIsNearAScan) {
        "543.300 s",
        "?stamps=recorded'"});
   EXPECT_TRUE(open("?stamps=recorded").has_poses());
+}
+
+/// sensor_msgs/Imu at rest.
+std::string imu_message(std::int64_t stamp_ns) {
+  test::MessageBytes message;
+  message.header(stamp_ns, "lidar");
+  for (int i = 0; i < 4 + 9 + 3 + 9; ++i) message.put(0.0);
+  for (const double force : {0.0, 0.0, 9.81}) message.put(force);
+  for (int i = 0; i < 9; ++i) message.put(0.0);
+  return message.str();
+}
+
+TEST_F(BagDrive, TakesTheImuToTheRecordersClockWithItsClouds) {
+  constexpr std::int64_t kSwitchedOn = 543'000'000'000;
+  const char* const imu_type = "sensor_msgs/msg/Imu";
+  messages_.clear();
+  for (int i = 0; i < 4; ++i) {
+    add("/points", kCloudType, one_point(kSwitchedOn + i * kStep, 1));
+    add("/imu", imu_type, imu_message(kSwitchedOn + i * kStep));
+  }
+  const auto readings = [&](const std::string& words) {
+    return *open(words).contents().imu->readings;
+  };
+  EXPECT_EQ(readings("").front().stamp_ns, kSwitchedOn);
+  // The recorder gets a message each step, one of two of the IMU's.
+  ASSERT_EQ(readings("?stamps=recorded").size(), 4U);
+  EXPECT_EQ(readings("?stamps=recorded").front().stamp_ns, kStart + 3 * kStep);
+  EXPECT_EQ(readings("?stamps=recorded").back().stamp_ns, kStart + 6 * kStep);
+  for (int i = 0; i < 2; ++i) add("/late_imu", imu_type, imu_message(kSwitchedOn + i * kStep));
+  EXPECT_EQ(readings("?imu=/late_imu").size(), 2U);
+  EXPECT_FALSE(open().contents().imu);
+  EXPECT_FALSE(open("?imu=none").contents().imu);
 }
 
 TEST_F(BagDrive, TakesACalibrationOnlyFromItsOwnFolder) {
