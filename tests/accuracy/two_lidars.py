@@ -73,13 +73,15 @@ def simulate(program, folder, seed, scans):
 
 
 def late(drive, target, late_s):
-    """The same drive by another clock, without its poses."""
+    """The same drive by another clock."""
     target.mkdir()
     for file in drive.iterdir():
-        if file.name not in ("times.txt", "trajectory.txt", "optimized_poses.txt"):
+        if file.name not in ("times.txt", "trajectory.txt"):
             (target / file.name).symlink_to(file.resolve())
-    stamps = [float(word) + late_s for word in (drive / "times.txt").read_text().split()]
-    (target / "times.txt").write_text("".join(f"{stamp:.9f}\n" for stamp in stamps))
+            continue
+        lines = (line.split() for line in file.read_text().splitlines() if line)
+        shifted = (" ".join([f"{float(words[0]) + late_s:.9f}", *words[1:]]) for words in lines)
+        (target / file.name).write_text("\n".join(shifted) + "\n")
 
 
 def thickness_of(program, drive, target):
