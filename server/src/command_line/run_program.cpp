@@ -125,6 +125,9 @@ std::string words_of(const CLI::ParseError& error, const CLI::App& app) {
   if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
     const std::string name = what.substr(0, what.find(':'));
     const CLI::Option* const option = command.get_option_no_throw(name);
+    if (option != nullptr && option->count() > static_cast<std::size_t>(option->get_expected_max()))
+      return fmt::format("too many arguments: {} takes {} at most; see {}", name,
+                         option->get_expected_max(), help);
     if (option != nullptr && option->get_expected_min() > 1)
       return fmt::format("{} needs {} values: {}; see {}", name, option->get_expected_min(),
                          option->get_type_name(), help);

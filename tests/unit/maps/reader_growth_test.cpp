@@ -135,7 +135,12 @@ std::vector<Reader> readers() {
   return {
       {"pose_csv", 5000, pose_csv, poses},
       {"g2o", 5000, g2o, poses},
-      {"nmea", 5000, nmea, [](const fs::path& file) { return read_nmea(file, 0).fixes.size(); }},
+      {"nmea", 5000, nmea,
+       [](const fs::path& file) {
+         std::size_t fixes = 0;
+         (void)read_nmea(file, 0, [&](const NmeaFix&) { ++fixes; });
+         return fixes;
+       }},
       {"imu_csv", 5000, imu_csv, [](const fs::path& file) { return read_imu_csv(file).size(); }},
       {"livox_bag", 500,
        [](std::size_t messages) { return bag("livox_ros_driver2/msg/CustomMsg", messages, livox); },
