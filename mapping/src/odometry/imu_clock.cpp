@@ -299,8 +299,10 @@ maps::Drive with_fitted_imu(const maps::Drive& drive, int threads, const Progres
   };
   FitWithFault found = look(drive.with_imu(nullptr));
   if (!found.fault.empty()) {
-    // Odometry may have lost its way without the IMU: the IMU as it is may still lead it.
-    FitWithFault led = look(with_fit({}));
+    // Odometry may have lost its way without the IMU: the IMU may lead it, with what the fit tells
+    // if that explains the turns, else as it is.
+    const bool explains = found.check && found.check->explained >= kLeastExplained;
+    FitWithFault led = look(with_fit(explains ? found.check->fit : maps::Imu::Fit{}));
     if (led.fault.empty()) found = std::move(led);
   }
   // With the first fit sweeps are straight, which tells the second one more exactly.
