@@ -20,17 +20,14 @@ std::optional<OusterPacketHead> read_ouster_head(MessageReader& reader) {
   return ouster_packet_head(reader.array(kOusterHeadBytes), bytes);
 }
 
-DecodedScan decode_ouster_packets(const Bag& bag, std::span<const MessagePlace> packets,
-                                  Serialization serialization, const OusterSensor& sensor,
-                                  std::int64_t stamp_ns, const std::string& name,
-                                  std::size_t max_points) {
-  check_point_count(
-      packets.size() * sensor.packet_columns * sensor.altitude_rad.size() * sensor.profile->returns,
-      max_points, name);
-  OusterSweep sweep(sensor, stamp_ns, name);
-  for (const MessagePlace& place : packets) {
+DecodedScan decode_ouster_turn(const Bag& bag, const OusterTurn& turn, const OusterSensor& sensor,
+                               std::size_t max_points) {
+  const std::size_t pixels = sensor.packet_columns * sensor.altitude_rad.size();
+  check_point_count(turn.packets.size() * pixels * sensor.profile->returns, max_points, turn.name);
+  OusterSweep sweep(sensor, turn.stamp_ns, turn.name);
+  for (const MessagePlace& place : turn.packets) {
     const FileBytes message = bag.read(place);
-    MessageReader reader(message.span(), serialization, name);
+    MessageReader reader(message.span(), turn.serialization, turn.name);
     sweep.add(reader.bytes());
   }
   return std::move(sweep).finish();

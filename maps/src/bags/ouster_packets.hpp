@@ -33,14 +33,19 @@ inline constexpr std::size_t kOusterMessageHeadBytes = 4 + 4 + kOusterHeadBytes;
 /// The sensor's own description, as the driver sends it on a topic `metadata`.
 [[nodiscard]] bool is_ouster_metadata(std::string_view topic, std::string_view type);
 
-/// A turn of the sensor. @param packets  of it, in their order, each in `bag`.
-/// @param name  for messages. @throws InputError for packets of another sensor or too many of them,
-/// or a bag that changed.
-[[nodiscard]] DecodedScan decode_ouster_packets(const Bag& bag,
-                                                std::span<const MessagePlace> packets,
-                                                Serialization serialization,
-                                                const OusterSensor& sensor, std::int64_t stamp_ns,
-                                                const std::string& name,
-                                                std::size_t max_points = 4'000'000);
+/// The packets of a turn of the sensor, in their order.
+struct OusterTurn {
+  std::span<const MessagePlace> packets;
+  Serialization serialization = Serialization::kCdr;
+  /// Of the scan, by the sensor's clock.
+  std::int64_t stamp_ns = 0;
+  /// For messages.
+  std::string name;
+};
+
+/// @throws InputError for packets of another sensor or too many of them, or a bag that changed.
+[[nodiscard]] DecodedScan decode_ouster_turn(const Bag& bag, const OusterTurn& turn,
+                                             const OusterSensor& sensor,
+                                             std::size_t max_points = 4'000'000);
 
 }  // namespace stillmap::maps

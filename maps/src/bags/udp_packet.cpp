@@ -48,7 +48,7 @@ UdpPacket read_ipv4(std::span<const std::byte> bytes) {
   UdpPacket packet;
   if (bytes.size() < 20) return packet;
   const auto first = std::to_integer<unsigned>(bytes[0]);
-  const std::size_t header = 4 * (first & 0xfU);
+  const std::size_t header = std::size_t{4} * (first & 0xfU);
   const std::size_t total = network_u16(bytes, 2);
   if (first >> 4U != 4 || header < 20 || std::to_integer<unsigned>(bytes[9]) != kUdp) return packet;
   // All but "don't fragment": more parts follow, or this one has a place behind others.

@@ -55,8 +55,9 @@ struct BagScans {
   [[nodiscard]] DecodedScan read(std::size_t number) const {
     if (ouster) {
       const CloudEntry& cloud = clouds.at(number);
-      return decode_ouster_packets(*bags->at(cloud.bag), packets_of(cloud), cloud.serialization,
-                                   *ouster, cloud.stamp_ns, name_of(number));
+      return decode_ouster_turn(
+          *bags->at(cloud.bag),
+          {packets_of(cloud), cloud.serialization, cloud.stamp_ns, name_of(number)}, *ouster);
     }
     return read_by(number, [this](MessageReader& reader) { return type->decode(reader, lasers); });
   }
@@ -478,7 +479,7 @@ BesideLidar lidar_beside(const Drive::Contents& reference,
 /// The file of the chosen calibration; nothing without.
 std::optional<fs::path> calibration_file(const fs::path& root, const BagChoice& choice) {
   if (!choice.calibration) return std::nullopt;
-  const auto file = file_beside(root, *choice.calibration);
+  std::optional<fs::path> file = file_beside(root, *choice.calibration);
   if (!file)
     throw InputError(root.string(), "no calibration '" + choice.calibration->substr(0, 100) + "'",
                      "the name of a file beside the bag: copy the calibration there, and give its "
