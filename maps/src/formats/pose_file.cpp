@@ -137,8 +137,8 @@ class PoseLines {
     stamps_ns_.push_back(*stamp_ns);
   }
 
-  void add_stamp(std::string_view cell, const std::optional<StampUnit>& unit) {
-    if (!unit_) unit_ = unit ? *unit : unit_of_stamp(cell);
+  void add_stamp(std::string_view cell) {
+    if (!unit_) unit_ = unit_of_stamp(cell);
     add_stamp(parse_stamp(cell, *unit_), cell);
   }
 
@@ -179,7 +179,7 @@ class PoseLines {
       if (numbered_)
         add_number(cells.front());
       else
-        add_stamp(cells.front(), std::nullopt);
+        add_stamp(cells.front());
       rest = rest.subspan(1);
     }
     pose_file_.poses.push_back(rest.size() == 7 ? pose_of_quaternion(file_, line_, numbers<7>(rest))
@@ -209,7 +209,8 @@ class PoseLines {
     if (columns.nanoseconds) {
       add_seconds_and_nanoseconds(cells[*columns.stamp], cells[*columns.nanoseconds]);
     } else if (columns.stamp) {
-      add_stamp(cells[*columns.stamp], columns.stamp_unit);
+      if (columns.stamp_unit) unit_ = columns.stamp_unit;
+      add_stamp(cells[*columns.stamp]);
     } else if (columns.number) {
       add_number(cells[*columns.number]);
     }
