@@ -58,6 +58,23 @@ def livox(tenths, ros1=False):
     return message.bytes
 
 
+OUSTER_METADATA = (b'{"beam_intrinsics": {"beam_altitude_angles": [10, 0], "beam_azimuth_angles": [3, -3], "beam_to_lidar_transform": '
+                   b'[1, 0, 0, 15.8, 0, 1, 0, 0, 0, 0, 1, 2, 0, 0, 0, 1]}, "lidar_intrinsics": {"lidar_to_sensor_transform": '
+                   b'[-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 36.2, 0, 0, 0, 1]}, "lidar_data_format": {"columns_per_frame": 1024, '
+                   b'"columns_per_packet": 16, "pixels_per_column": 2, "udp_profile_lidar": "RNG15_RFL8_NIR8"}}')
+
+
+def ouster(size, ros1=False):
+    """A packet whose columns are valid and whose pixels differ."""
+    packet = bytearray(i % 251 for i in range(size))
+    for i in range(2):
+        if ros1:
+            packet[size // 2 * (i + 1) - 4:size // 2 * (i + 1)] = b"\xff" * 4
+        else:
+            packet[32 + i * 44 + 10] = 1
+    return Message(ros1=ros1).put("I", size).bytes + bytes(packet)
+
+
 def velodyne(tenths, factory, flags=(0xeeff,)):
     message = Message(ros1=True).header(tenths, "velodyne").put("I", 1, START_S, tenths * 10**8)
     for block in range(12):
@@ -241,6 +258,9 @@ def make_all(put):
     put("ros_message", "livox", b"\12" + livox(0))
     put("ros_message", "livox_ros1", b"\13" + livox(0, ros1=True))
     put("ros_message", "velodyne_ros1", b"\15" + velodyne(0, 0x22))
+    put("ros_message", "ouster_dual", b"\20" + ouster(2 * (12 + 2 * 16) + 64))
+    put("ros_message", "ouster_legacy_ros1", b"\21" + ouster(2 * (16 + 2 * 12 + 4), ros1=True))
+    put("ros_message", "ouster_metadata", b"\22" + OUSTER_METADATA)
     put("ros_message", "velodyne_two_banks_ros1", b"\15" + velodyne(0, 0x56, (0xeeff, 0xddff)))
     put("ros_message", "tf_ros1", b"\7" + tf(0, "/map", "/base_link", True))
     for compression in (None, "lz4", "zstd"):

@@ -1,13 +1,16 @@
 // Messages of bags in CDR and ROS 1: clouds of all kinds, poses, tf, fixes of GNSS, readings of an
-// IMU. The first byte says which of them, and how they are written.
+// IMU, packets of an Ouster and its metadata. The first byte says which of them, and how they are
+// written.
 #include "scan_rules.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/geodesy.hpp>
 
 #include "bags/livox_cloud.hpp"
+#include "bags/ouster_packets.hpp"
 #include "bags/point_cloud2.hpp"
 #include "bags/velodyne_scan.hpp"
+#include "packets/ouster_sweep.hpp"
 
 namespace {
 
@@ -20,6 +23,22 @@ void require_rigid(const maps::StampedTransform& transform) {
   fuzz::require((R.transpose() * R).isIdentity(1e-9), "rotations are such");
 }
 
+/// A sensor of two pixels, with small packets.
+const maps::OusterSensor& small_ouster(bool is_dual) {
+  const auto sensor_of = [](const std::string& profile) {
+    return maps::read_ouster_metadata(
+        R"({"beam_altitude_angles": [10, 0], "beam_azimuth_angles": [3, -3], "prod_line": "OS-1-2",
+            "lidar_to_sensor_transform": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
+            "lidar_data_format": {"columns_per_frame": 1024, "columns_per_packet": 2,
+            "pixels_per_column": 2, "udp_profile_lidar": ")" +
+            profile + "\"}}",
+        "fuzz");
+  };
+  static const maps::OusterSensor dual = sensor_of("RNG19_RFL8_SIG16_NIR16_DUAL");
+  static const maps::OusterSensor legacy = sensor_of("LEGACY");
+  return is_dual ? dual : legacy;
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -29,7 +48,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto serialization =
       data[0] % 2 == 0 ? maps::Serialization::kCdr : maps::Serialization::kRos1;
   const auto reader = [&] { return maps::MessageReader(bytes, serialization, "fuzz"); };
-  const int kind = data[0] / 2 % 8;
+  const int kind = data[0] / 2 % 10;
   const auto decode = [&](const auto& decoded) {
     const auto scan = fuzz::taken<maps::InputError>([&] {
       maps::MessageReader message = reader();
@@ -73,6 +92,24 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         return maps::read_imu(message);
       }));
       return 0;
+    case 8:
+      static_cast<void>(fuzz::taken<maps::InputError>([&] {
+        maps::MessageReader message = reader();
+        return maps::read_ouster_head(message);
+      }));
+      return decode([&](auto& message) {
+        maps::OusterSweep sweep(small_ouster(bytes.size() > 120), 1, "fuzz");
+        sweep.add(message.bytes());
+        return std::move(sweep).finish();
+      });
+    case 9: {
+      const auto sensor = fuzz::taken<maps::InputError>([&] {
+        return maps::read_ouster_metadata(
+            {reinterpret_cast<const char*>(bytes.data()), bytes.size()}, "fuzz");
+      });
+      if (sensor) fuzz::require(sensor->packet_bytes() <= 65'535, "packets fit into a datagram");
+      return 0;
+    }
     default:
       static_cast<void>(fuzz::taken<maps::InputError>([&] {
         maps::MessageReader message = reader();

@@ -21,17 +21,17 @@ namespace {
 
 /// Scans that are followed for the fit: half a minute.
 constexpr std::size_t kFitScans = 300;
-/// From one start of the fit to the next that is thought of.
+/// The fit may begin at every such scan.
 constexpr std::size_t kWindowStep = 100;
-/// A step from scan to scan that differs by more counts as much [rad]: a few wrong scans count
-/// little.
+/// Most that a step from scan to scan counts, however much it differs [rad]: a few wrong scans
+/// count little.
 constexpr double kMostCountedRad = 0.05;
-/// An IMU is used if its gyroscope explains more of the turns of the scans (mapping/odometry.md
-/// tells what right and wrong ones explain),
+/// An IMU is used only if its gyroscope explains this share of the turns of the scans.
+/// mapping/odometry.md tells what right and wrong ones explain.
 constexpr double kLeastExplained = 0.6;
-/// the clock offset is known to this [s],
+/// An IMU is used only if its clock offset is known to this [s].
 constexpr double kMostOffsetSigmaS = 0.01;
-/// and the bias is below what data sheets of small IMUs allow [rad/s]: 5 deg/s.
+/// Largest bias that data sheets of small IMUs allow [rad/s]: 5 deg/s.
 constexpr double kMostBiasRadps = 0.0873;
 /// Scans that turn less tell nothing about an IMU [rad].
 constexpr double kTurningRad = 0.001;

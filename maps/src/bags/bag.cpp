@@ -47,7 +47,7 @@ std::unique_ptr<Bag> open_unpacked(const std::filesystem::path& file,
   if (format == BagFormat::kPcap) return std::make_unique<pcap::PcapBag>(file, shown_as);
   throw InputError(
       shown_as.string(), "no bag by its first bytes",
-      "MCAP, a SQLite file of rosbag2, a bag of ROS 1 or a capture: record or copy it again");
+      "MCAP, a SQLite file of rosbag2, a bag of ROS 1, pcap or pcapng: record or copy it again");
 }
 
 }  // namespace

@@ -36,7 +36,6 @@ std::string why_unreadable(const BagSurvey& survey, const std::optional<std::str
 void take_recorded_stamps(std::vector<ImuReading>& readings,
                           const std::vector<std::int64_t>& recorded_ns) {
   constexpr std::size_t kPart = 1000;
-  constexpr std::int64_t kLastStampNs = 4'000'000'000'000'000'000;
   // Without a sign, where what is broken may leave 64 bits.
   const auto bits = [](std::int64_t ns) { return static_cast<std::uint64_t>(ns); };
   for (std::size_t begin = 0; begin < readings.size(); begin += kPart) {
@@ -50,7 +49,7 @@ void take_recorded_stamps(std::vector<ImuReading>& readings,
       readings[i].stamp_ns = static_cast<std::int64_t>(bits(readings[i].stamp_ns) + bits(shift_ns));
   }
   std::erase_if(readings, [](const ImuReading& reading) {
-    return reading.stamp_ns > kLastStampNs || reading.stamp_ns < -kLastStampNs;
+    return reading.stamp_ns > kMostImuStampNs || reading.stamp_ns < -kMostImuStampNs;
   });
 }
 

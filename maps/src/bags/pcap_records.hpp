@@ -10,20 +10,9 @@
 
 #include "bags/byte_stream.hpp"
 #include "formats/file_reader.hpp"
+#include "packets/packet_bytes.hpp"
 
 namespace stillmap::maps::pcap {
-
-/// A whole number of a file or of a packet. @param bytes  has it.
-template <typename Integer>
-[[nodiscard]] Integer integer_at(std::span<const std::byte> bytes, std::size_t at,
-                                 bool big_endian) {
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < sizeof(Integer); ++i) {
-    const std::size_t place = big_endian ? i : sizeof(Integer) - 1 - i;
-    value = value << 8U | std::to_integer<std::uint64_t>(bytes[at + place]);
-  }
-  return static_cast<Integer>(value);
-}
 
 /// Whether a file that begins so is a capture: pcap, in both byte orders with microseconds or
 /// nanoseconds, or pcapng.

@@ -32,17 +32,20 @@ DriveFinding no_poses(const Drive& drive) {
             "no poses, but clouds in '" + frame +
                 "', a frame that is fixed to the ground: if they are registered already, odometry "
                 "finds no motion",
-            "record the sensor's poses too, or give a file of poses and choose points=map; if the "
+            "record the sensor's poses too, or give a file of poses (--poses) and choose "
+            "points=map; if the "
             "points lie in the sensor's frame, nothing is wrong"};
   if (is_recording(drive.contents().layout))
     return {"no_poses", "no poses: none are taken of the recording",
-            "choose the poses that the notes name, or give a file of poses; without poses, build "
+            "choose the poses that the notes name, or give a file of poses (--poses); without "
+            "poses, build "
             "finds them by odometry"};
   return {
       "no_poses",
       pcd ? "no poses: no file of them, and no VIEWPOINT of the scans is other than the identity"
           : "no poses: no file of them",
-      "give a file of poses where there is one; without, odometry makes them of the scans"};
+      "give a file of poses (--poses) where there is one; without, odometry makes them of the "
+      "scans"};
 }
 
 }  // namespace

@@ -494,7 +494,7 @@ OusterSensor ouster_of(const std::string& topic, const BagSurvey& survey,
   const std::string beside = topic.substr(0, topic.rfind('/') + 1) + "metadata";
   const auto sent = survey.topics.find(beside);
   if (sent == survey.topics.end() || sent->second.metadata.empty())
-    throw InputError(
+    throw CalibrationError(
         name, fmt::format("packets of an Ouster on {}, without metadata on {}", topic, beside),
         fmt::format("the sensor's metadata (JSON): copy its file beside the bag, and "
                     "give '{}?calibration=NAME'",
@@ -529,7 +529,7 @@ std::vector<std::shared_ptr<const BagScans>> chosen_scans(const std::shared_ptr<
     throw InputError(name,
                      fmt::format("calibration= for clouds on {} of {}", chosen.front()->topic,
                                  survey.topics.at(chosen.front()->topic).type),
-                     "a topic of packets: leave out calibration=");
+                     "a topic of VelodyneScan or PacketMsg: choose one, or leave out calibration=");
   return chosen;
 }
 
@@ -589,6 +589,8 @@ Drive::Contents open_bag_drive(const fs::path& root, std::string_view words,
       !topics.empty() && topics.front().word == "cloud" && (others > 1 || choice != BagChoice{});
   try {
     return open_surveyed_bag(root, choice, choice_of_poses, found, bags);
+  } catch (const CalibrationError& error) {
+    throw ChoiceError(error, std::move(topics));
   } catch (const InputError& error) {
     // Poses and GNSS can be left out.
     if (has_choice) throw ChoiceError(error, std::move(topics));

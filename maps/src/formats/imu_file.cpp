@@ -19,9 +19,6 @@ constexpr std::string_view kImuHeader = "stamp_ns,wx,wy,wz,ax,ay,az";
 constexpr std::array<std::string_view, 7> kImuColumns{"stamp_ns", "wx", "wy", "wz",
                                                       "ax",       "ay", "az"};
 
-/// The year 2096. Stamps below have differences that fit into 64 bits, whatever their signs.
-constexpr std::uint64_t kMaxStampNs = 4'000'000'000'000'000'000;
-
 /// 107 for each of `kMostImuReadings`; a line with all digits of a double has some 140.
 constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 30U;
 
@@ -86,7 +83,7 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file, std::siz
     const std::string_view stamp = cells[places[0]];
     const bool is_negative = stamp.starts_with('-');
     const auto count = parse_count(stamp.substr(is_negative ? 1 : 0));
-    if (!count || *count > kMaxStampNs)
+    if (!count || *count > std::uint64_t{kMostImuStampNs})
       throw InputError(place(file, number), quoted(stamp),
                        "a whole number of ns as stamp_ns, at most 4e18");
     reading.stamp_ns = (is_negative ? -1 : 1) * static_cast<std::int64_t>(*count);

@@ -185,11 +185,10 @@ std::optional<OusterPacketHead> ouster_packet_head(std::span<const std::byte> he
   constexpr std::uint16_t kLidarPacket = 1;
   if (packet_bytes < kPacketHeaderBytes + kPacketFooterBytes) return std::nullopt;
   if (is_old_size(packet_bytes))
-    return OusterPacketHead{packet_number<std::uint16_t>(head, 10),
-                            packet_number<std::int64_t>(head, 0)};
-  if (packet_number<std::uint16_t>(head, 0) != kLidarPacket) return std::nullopt;
-  return OusterPacketHead{packet_number<std::uint16_t>(head, 2),
-                          packet_number<std::int64_t>(head, kPacketHeaderBytes)};
+    return OusterPacketHead{integer_at<std::uint16_t>(head, 10), integer_at<std::int64_t>(head, 0)};
+  if (integer_at<std::uint16_t>(head, 0) != kLidarPacket) return std::nullopt;
+  return OusterPacketHead{integer_at<std::uint16_t>(head, 2),
+                          integer_at<std::int64_t>(head, kPacketHeaderBytes)};
 }
 
 }  // namespace stillmap::maps

@@ -1,6 +1,6 @@
 #include "packets/ouster_sweep.hpp"
 
-#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/recording_choice.hpp>
 
 #include <fmt/format.h>
 
@@ -19,23 +19,23 @@ constexpr std::size_t kStatusAt = 10;
 
 bool is_valid_column(const OusterSensor& sensor, std::span<const std::byte> column) {
   if (!sensor.has_packet_header())
-    return packet_number<std::uint32_t>(column, column.size() - 4) == 0xffffffffU;
-  return (packet_number<std::uint16_t>(column, kStatusAt) & 1U) != 0;
+    return integer_at<std::uint32_t>(column, column.size() - 4) == 0xffffffffU;
+  return (integer_at<std::uint16_t>(column, kStatusAt) & 1U) != 0;
 }
 
 /// Range of one return [m], 0 for none.
 double range_m(const OusterProfile& profile, std::span<const std::byte> pixel, std::size_t number) {
-  if (profile.is_short) return 0.008 * (packet_number<std::uint16_t>(pixel, 4 * number) & 0x7fffU);
+  if (profile.is_short) return 0.008 * (integer_at<std::uint16_t>(pixel, 4 * number) & 0x7fffU);
   // The old profile has a bit more, and only flags above.
   const std::uint32_t mask = profile.name == "LEGACY" ? 0xfffffU : 0x7ffffU;
-  return 0.001 * (packet_number<std::uint32_t>(pixel, 4 * number) & mask);
+  return 0.001 * (integer_at<std::uint32_t>(pixel, 4 * number) & mask);
 }
 
 float intensity(const OusterProfile& profile, std::span<const std::byte> pixel,
                 std::size_t number) {
   if (profile.signal_at > 0)
-    return packet_number<std::uint16_t>(pixel, profile.signal_at + 2 * number);
-  return packet_number<std::uint8_t>(pixel, profile.reflectivity_at + 4 * number);
+    return integer_at<std::uint16_t>(pixel, profile.signal_at + 2 * number);
+  return integer_at<std::uint8_t>(pixel, profile.reflectivity_at + 4 * number);
 }
 
 }  // namespace
@@ -45,7 +45,7 @@ OusterSweep::OusterSweep(const OusterSensor& sensor, std::int64_t stamp_ns, std:
 
 void OusterSweep::add(std::span<const std::byte> packet) {
   if (packet.size() != sensor_->packet_bytes())
-    throw InputError(
+    throw CalibrationError(
         name_, fmt::format("a packet of {} bytes", packet.size()),
         fmt::format("{} bytes, as the metadata says ({} of {} x {} pixels): give the metadata that "
                     "belongs to this recording",
@@ -60,12 +60,12 @@ void OusterSweep::add_column(std::span<const std::byte> column) {
   if (!is_valid_column(*sensor_, column)) return;
   const OusterProfile& profile = *sensor_->profile;
   // In doubles the difference of two stamps since 1970 would lose 0.2 us.
-  const auto from_stamp_ns = static_cast<std::int64_t>(packet_number<std::uint64_t>(column, 0) -
+  const auto from_stamp_ns = static_cast<std::int64_t>(integer_at<std::uint64_t>(column, 0) -
                                                        static_cast<std::uint64_t>(stamp_ns_));
   const double from_stamp_s = 1e-9 * static_cast<double>(from_stamp_ns);
   if (std::abs(from_stamp_s) > static_cast<double>(kMaxTimeOffsetS) && !far_s_)
     far_s_ = from_stamp_s;
-  const double column_number = packet_number<std::uint16_t>(column, kColumnNumberAt);
+  const double column_number = integer_at<std::uint16_t>(column, kColumnNumberAt);
   const double encoder_rad =
       2.0 * std::numbers::pi * (1.0 - column_number / static_cast<double>(sensor_->columns));
   const double beam_m = std::hypot(sensor_->beam_x_m, sensor_->beam_z_m);

@@ -23,7 +23,7 @@ class OusterSweep {
   /// @param name  for messages.
   OusterSweep(const OusterSensor& sensor, std::int64_t stamp_ns, std::string name);
 
-  /// @throws InputError for a packet of another size than the sensor's.
+  /// @throws CalibrationError for a packet of another size than the metadata's sensor sends.
   void add(std::span<const std::byte> packet);
 
   /// "No return" is dropped and counted. Times are left out, with a note, if a column lies more

@@ -1,19 +1,21 @@
 #pragma once
 
-#include <bit>
 #include <cstddef>
-#include <cstring>
+#include <cstdint>
 #include <span>
 
 namespace stillmap::maps {
 
-/// A little-endian number of a packet. @param at  with the number's bytes inside `packet`.
-template <typename Number>
-[[nodiscard]] Number packet_number(std::span<const std::byte> packet, std::size_t at) {
-  static_assert(std::endian::native == std::endian::little);
-  Number value{};
-  std::memcpy(&value, packet.subspan(at, sizeof(Number)).data(), sizeof(Number));
-  return value;
+/// A whole number of a packet or of a file of packets. @param bytes  has it.
+template <typename Integer>
+[[nodiscard]] Integer integer_at(std::span<const std::byte> bytes, std::size_t at,
+                                 bool big_endian = false) {
+  std::uint64_t value = 0;
+  for (std::size_t i = 0; i < sizeof(Integer); ++i) {
+    const std::size_t place = big_endian ? i : sizeof(Integer) - 1 - i;
+    value = value << 8U | std::to_integer<std::uint64_t>(bytes[at + place]);
+  }
+  return static_cast<Integer>(value);
 }
 
 }  // namespace stillmap::maps

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "formats/point_table.hpp"
+#include "packets/packet_bytes.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -26,11 +27,6 @@ constexpr std::uint32_t kFullTurn = 36'000;
 constexpr double kRadPerUnit = 2.0 * std::numbers::pi / kFullTurn;
 /// Between the first firing and the start of a VLS-128's packet [us], 63-9483.
 constexpr double kVlsStartUs = -8.7;
-
-std::uint32_t u16_at(std::span<const std::byte> bytes, std::size_t at) {
-  return std::to_integer<std::uint32_t>(bytes[at]) | std::to_integer<std::uint32_t>(bytes[at + 1])
-                                                         << 8U;
-}
 
 /// First laser of the bank that a block's flag names; nothing for another flag.
 std::optional<std::size_t> bank_of(std::uint32_t flag) {
@@ -66,8 +62,8 @@ VelodyneSweep::VelodyneSweep(std::span<const VelodyneLaser> lasers, std::string 
 void VelodyneSweep::set_model(std::span<const std::byte> packet) {
   const auto factory = std::to_integer<std::uint8_t>(packet[kFactory]);
   // An HDL-64E's last bytes are a status, which may look like another's model.
-  const bool has_two_banks =
-      u16_at(packet, kBlockBytes) == 0xddff && u16_at(packet, 2 * kBlockBytes) == 0xeeff;
+  const bool has_two_banks = integer_at<std::uint16_t>(packet, kBlockBytes) == 0xddff &&
+                             integer_at<std::uint16_t>(packet, 2 * kBlockBytes) == 0xeeff;
   const VelodyneModel* const model = has_two_banks ? &velodyne_hdl64e() : velodyne_model(factory);
   if (model == nullptr)
     throw InputError(name_, fmt::format("a packet of factory byte {:#04x}", factory),
@@ -104,9 +100,9 @@ std::vector<VelodyneSweep::Block> VelodyneSweep::blocks_of(
   std::vector<Block> blocks;
   for (std::size_t i = 0; i < used; ++i) {
     const std::span<const std::byte> bytes = packet.subspan(i * kBlockBytes, kBlockBytes);
-    const std::optional<std::size_t> bank = bank_of(u16_at(bytes, 0));
+    const std::optional<std::size_t> bank = bank_of(integer_at<std::uint16_t>(bytes, 0));
     if (!bank || *bank >= std::max<std::size_t>(model_->lasers, kReturnsOfBlock)) continue;
-    Block block{bytes.subspan(4), {}, u16_at(bytes, 2), *bank, 0.0};
+    Block block{bytes.subspan(4), {}, integer_at<std::uint16_t>(bytes, 2), *bank, 0.0};
     if (block.azimuth > kFullTurn)
       throw InputError(name_, fmt::format("an azimuth of {} hundredths of a degree", block.azimuth),
                        "at most 36000: record the packets again");
@@ -156,8 +152,9 @@ void VelodyneSweep::add_block(const Block& block, double from_stamp_s) {
     if (model_->lasers == 128) group += laser / 64;
     const double from_block_us = model_->sequence_us * static_cast<double>(sequence) +
                                  model_->group_us * static_cast<double>(group);
-    const std::uint32_t range = u16_at(block.returns, 3 * j);
-    const bool is_again = !block.other.empty() && u16_at(block.other, 3 * j) == range;
+    const std::uint32_t range = integer_at<std::uint16_t>(block.returns, 3 * j);
+    const bool is_again =
+        !block.other.empty() && integer_at<std::uint16_t>(block.other, 3 * j) == range;
     cloud_.intensities.push_back(std::to_integer<std::uint8_t>(block.returns[3 * j + 2]));
     const double start_us = model_->lasers == 128 ? kVlsStartUs : 0.0;
     cloud_.time_offsets_s.push_back(static_cast<float>(

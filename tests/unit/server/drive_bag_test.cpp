@@ -894,7 +894,11 @@ TEST_F(OusterBag, MetadataMayLieBesideTheBag) {
   expect_error(
       {"packets of an Ouster on /ouster/lidar_packets, without metadata on /ouster/metadata",
        "calibration=NAME"});
+  EXPECT_THROW((void)open(), maps::ChoiceError);
+  // An upload is kept until the metadata is named, here of a file that came with it.
   folder_.write("os.json", kMetadata);
+  EXPECT_TRUE(open_drive_folder(folder_.path(), "").needs_choice);
+  EXPECT_FALSE(open_drive_folder(folder_.path(), "calibration=os.json").needs_choice);
   EXPECT_EQ(open("?calibration=os.json").read(0).cloud.size(), 2U);
   folder_.write("os.json", "{}");
   expect_error({"os.json", "beam_altitude_angles"}, "?calibration=os.json");

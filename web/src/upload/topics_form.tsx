@@ -78,7 +78,7 @@ function TopicField({ word, topics, isMissing, value, own, onValue }: TopicField
           </select>
         )}
       </Field>
-      {word === 'cloud' && first !== '' && (
+      {word === 'cloud' && first !== '' && topics.length > 1 && (
         <OtherLidars topics={topics.filter(({ topic }) => topic !== first)} chosen={others} onChosen={(some) => onValue([first, ...some].join(','))} />
       )}
     </>

@@ -117,7 +117,8 @@ class Drive {
   ///
   /// Bags (MCAP, rosbag2, ROS 1; captures of a Velodyne's packets, pcap or pcapng). The scans are
   /// the messages of the one topic of PointCloud2, of Livox' CustomMsg or of VelodyneScan, with the
-  /// stamps of their headers. Poses come from the one topic of Odometry, or of PoseStamped with at
+  /// stamps of their headers; or the turns of an Ouster's PacketMsg, with the stamps of their first
+  /// columns. Poses come from the one topic of Odometry, or of PoseStamped with at
   /// least one pose for 40 scans; tf_static moves them to the frame of the clouds. Without such a
   /// topic they come from tf: from the highest frame called map, odom, world or camera_init, else
   /// from earth. If tf only repeats the topic, the topic is used. Poses are interpolated to the
@@ -140,7 +141,7 @@ class Drive {
   ///
   /// Points in the frame of the poses (registered scans) are recognised if a bag's frames or a
   /// folder's VIEWPOINTs say so, and told from points of the sensor by how well scans overlap.
-  /// `?points=map` or `?points=sensor` behind any drive's path decides instead.
+  /// `?points=map` or `?points=sensor` behind the path of a drive of one lidar decides instead.
   /// @param poses_file  poses `T_map_lidar` instead of the layout's own (`read_pose_file`): with
   ///                    stamps, by the numbers of scans, or one for each scan. Poses with stamps
   ///                    are interpolated to the scans' stamps; scans without a pose within 0.2 s

@@ -45,6 +45,8 @@ struct ImuReading {
   Eigen::Vector3f force_mps2 = Eigen::Vector3f::Zero();
 };
 
+/// The year 2096. Stamps within it, of either sign, have differences that fit into 64 bits [ns].
+inline constexpr std::int64_t kMostImuStampNs = 4'000'000'000'000'000'000;
 /// A drive has no more: 14 hours at 200 Hz, 320 MB.
 inline constexpr std::size_t kMostImuReadings = 10'000'000;
 
@@ -82,7 +84,7 @@ struct Imu {
 
 /// `imu.csv` beside scans: a header that names the columns stamp_ns, wx, wy, wz [rad/s], ax, ay, az
 /// [m/s^2] in the lidar's axes, in any order; others are ignored.
-/// Stamps are at most 4e18 ns (the year 2096), of either sign.
+/// Stamps are at most `kMostImuStampNs`.
 /// The file has at most 1 GiB.
 /// @throws InputError naming file, line and what is missing or no number, or for more readings;
 /// StorageError.
