@@ -20,7 +20,7 @@ constexpr std::array<std::string_view, 7> kImuColumns{"stamp_ns", "wx", "wy", "w
                                                       "ax",       "ay", "az"};
 
 /// 107 for each of `kMostImuReadings`; a line with all digits of a double has some 140.
-constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 30U;
+constexpr std::uintmax_t kMostImuFileBytes = std::uintmax_t{1} << 30U;
 
 /// The file's first line without a byte order mark; lines of columns are short.
 std::string first_line(const std::filesystem::path& file) {
@@ -57,7 +57,7 @@ bool has_imu_columns(const std::filesystem::path& file) {
 }
 
 std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file, std::size_t most_readings) {
-  const std::string text = read_text(file, kMostBytes);
+  const std::string text = read_text(file, kMostImuFileBytes);
   std::string_view rest = text;
   const auto header = take_line(rest);
   const std::array<std::size_t, 7> places = places_of(header.value_or(""), file.string());

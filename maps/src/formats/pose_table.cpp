@@ -289,8 +289,8 @@ std::optional<PoseColumns> parse_pose_header(std::string_view line, const std::s
   while (!line.empty() && (line.front() == '#' || line.front() == '%' || line.front() == ' '))
     line.remove_prefix(1);
   const std::vector<std::string_view> cells = header_cells(line);
-  constexpr std::size_t kMostColumns = 256;
-  if (cells.size() > kMostColumns) return std::nullopt;
+  constexpr std::size_t kMostCellsOfHeader = 256;
+  if (cells.size() > kMostCellsOfHeader) return std::nullopt;
   HeaderColumns header(cells, where);
   PoseColumns columns;
   columns.count = cells.size();

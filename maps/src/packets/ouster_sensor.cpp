@@ -20,7 +20,7 @@ constexpr std::size_t kPacketFooterBytes = 32;
 constexpr std::size_t kColumnHeaderBytes = 12;
 constexpr std::size_t kOldColumnHeaderBytes = 16;
 constexpr std::size_t kOldColumnFooterBytes = 4;
-constexpr std::int64_t kMostColumns = 8192;
+constexpr std::int64_t kMostColumnsOfTurn = 8192;
 constexpr std::int64_t kMostPixels = 1024;
 constexpr std::int64_t kMostPacketBytes = 65'535;
 
@@ -136,9 +136,9 @@ void set_format(OusterSensor& sensor, const JsonField& root) {
   const JsonField format = root.at(name);
   sensor.profile = profile_in(format);
   sensor.columns =
-      static_cast<std::size_t>(format.at("columns_per_frame").integer(1, kMostColumns));
+      static_cast<std::size_t>(format.at("columns_per_frame").integer(1, kMostColumnsOfTurn));
   sensor.packet_columns =
-      static_cast<std::size_t>(format.at("columns_per_packet").integer(1, kMostColumns));
+      static_cast<std::size_t>(format.at("columns_per_packet").integer(1, kMostColumnsOfTurn));
   if (format.at("pixels_per_column").count() != pixels)
     format.at("pixels_per_column").refuse(fmt::format("{}, as there are beam angles", pixels));
   if (format.has("header_type") && format.at("header_type").text() == "FUSA")
