@@ -248,7 +248,7 @@ void LoamOdometry::place(const PreparedFeatures& scan, double period_s, Odometry
         pose.degenerate_directions.empty() ? OdometryStatus::kMatched : OdometryStatus::kPartly;
   }
   learn(maps::log_se3(T_predicted.inverse() * pose.T_odom_lidar), mapped || swept);
-  lost_ = mapped || scan.planes.empty() ? 0 : lost_ + 1;
+  lost_ = mapped || swept || scan.planes.empty() ? 0 : lost_ + 1;
   predicted_ = mapped || swept ? 0 : predicted_ + 1;
   pose.covariance = loam::covariance_of(mapped ? &match : nullptr, period_s, predicted_);
   pose.twist_lidar = maps::log_se3(last_->T_odom_lidar.inverse() * pose.T_odom_lidar) / period_s;
