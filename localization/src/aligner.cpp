@@ -40,6 +40,13 @@ std::string_view name_of(PoseStatus status) {
   throw std::invalid_argument(fmt::format("PoseStatus: {}, unknown", static_cast<int>(status)));
 }
 
+ThinScan Aligner::thin(const ScanView& scan_lidar) const { return whole_scan(scan_lidar); }
+
+AlignmentResult Aligner::align_thin(const ThinScan& scan_lidar,
+                                    const std::optional<Prior>& prior) const {
+  return align(scan_lidar.points_lidar, prior);
+}
+
 std::vector<std::string> aligner_names() {
   std::vector<std::string> names = {"default"};
   for (const NamedReference& reference : kReferences) names.emplace_back(reference.name);

@@ -53,15 +53,24 @@ inline void require_bounds(const server::PoseParameters& parameters) {
 inline void require_bounds(const server::PoseRequest& request,
                            const server::ServerOptions& options) {
   require_bounds(request.parameters);
-  require_whole(request.scan_lidar);
-  const std::size_t points = request.scan_lidar.size();
-  require(points >= options.min_scan_points && points <= options.max_scan_points,
+  if (const auto* sent = std::get_if<localization::SentScan>(&request.scan_lidar)) {
+    for (const Eigen::Vector3f& p : sent->scan.points_lidar.positions)
+      require(p.allFinite(), "points are finite");
+    require(sent->scan.matched <= sent->scan.points_lidar.size(), "no more matched than sent");
+    return;
+  }
+  const auto* cloud = std::get_if<maps::PointCloud>(&request.scan_lidar);
+  const localization::ScanView scan =
+      cloud != nullptr ? localization::view_of(*cloud)
+                       : std::get<localization::ScanView>(request.scan_lidar);
+  const maps::PointCloud points = localization::whole_scan(scan).points_lidar;
+  require_whole(points);
+  require(points.size() >= options.min_scan_points && points.size() <= options.max_scan_points,
           "as many points as allowed");
-  for (const Eigen::Vector3f& p : request.scan_lidar.positions)
+  for (const Eigen::Vector3f& p : points.positions)
     require(p.cwiseAbs().maxCoeff() <= server::kMaxPointM, "points are near enough");
   // Refuses with std::invalid_argument, which nobody catches, boxes that should not be here.
-  static_cast<void>(
-      localization::without_points_in(request.scan_lidar, request.parameters.movable));
+  static_cast<void>(localization::without_points_in(points, request.parameters.movable));
 }
 
 /// Reads a request with this body and requires its bounds when it is taken.
@@ -73,6 +82,7 @@ inline void read_and_require(std::string_view content_type, std::string_view bod
   request.headers["content-type"] = content_type;
   request.query = std::move(query);
   request.body = body;
+  // A raw scan lies in the request.
   const auto read = taken<server::ApiError>([&] {
     return server::decode_scan(server::find_scan(request, options, server::ScanPurpose::kQuery),
                                options);

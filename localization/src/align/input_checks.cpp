@@ -38,6 +38,17 @@ void require_usable(const maps::PointCloud& scan_lidar) {
   if (!finite) throw std::invalid_argument("scan: a coordinate is not finite");
 }
 
+void require_usable(const ThinScan& scan_lidar, const AlignerOptions& options) {
+  require_usable(scan_lidar.points_lidar);
+  if (scan_lidar.matched > scan_lidar.points_lidar.size())
+    throw std::invalid_argument(fmt::format("scan: found {} matched points of {}",
+                                            scan_lidar.matched, scan_lidar.points_lidar.size()));
+  if (scan_lidar.own_vehicle_m != static_cast<float>(options.own_vehicle_m))
+    throw std::invalid_argument(
+        fmt::format("scan: thinned with own_vehicle_m {}, expected {}: thin it with that",
+                    scan_lidar.own_vehicle_m, static_cast<float>(options.own_vehicle_m)));
+}
+
 void require_usable(const Prior& prior) {
   if (!prior.T_map_lidar.matrix().allFinite()) throw std::invalid_argument("prior: not finite");
   const Eigen::Matrix3d& R = prior.T_map_lidar.linear();

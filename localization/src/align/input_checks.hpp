@@ -9,6 +9,8 @@ namespace stillmap::localization {
 /// @throws std::invalid_argument if a coordinate is not finite, there are times but not one a
 /// point, or one is 10 s and more off the stamp.
 void require_usable(const maps::PointCloud& scan_lidar);
+/// @throws std::invalid_argument also if it was thinned for a vehicle of another size.
+void require_usable(const ThinScan& scan_lidar, const AlignerOptions& options);
 /// @throws std::invalid_argument if the prior is not finite, its rotation none, or its covariance
 /// not symmetric and positive definite.
 void require_usable(const Prior& prior);

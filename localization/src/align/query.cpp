@@ -8,9 +8,6 @@
 namespace stillmap::localization {
 namespace {
 
-constexpr float kCellM = 0.5F;
-/// With fewer than these, in a room, cells of half the size are taken.
-constexpr std::size_t kFewPoints = 1000;
 /// Columns whose lowest point is taken as ground.
 constexpr float kColumnM = 2.0F;
 /// Above kerbs and the lower part of slopes within a column, below bonnets, fences and low walls.
@@ -44,28 +41,18 @@ std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
   return flags;
 }
 
-Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar,
-           double own_vehicle_m) {
-  const auto thinned_to = [&](float cell_m) {
-    return one_point_a_cell(scan_lidar.positions, cell_m, Lone::kLeftOut, own_vehicle_m);
-  };
-  std::vector<std::size_t> kept = thinned_to(kCellM);
-  if (kept.size() < kFewPoints) kept = thinned_to(0.5F * kCellM);
-  std::vector<Eigen::Vector3f> cells;
-  for (const std::size_t i : kept) cells.push_back(scan_lidar.positions[i]);
-  const std::vector<char> stands = standing_flags(cells, R_map_lidar.cast<float>());
-  const std::size_t count = std::min(cells.size(), kMaxQueryPoints);
+Query query_of(const ThinScan& scan, const Eigen::Matrix3d& R_map_lidar) {
+  const maps::PointCloud& cloud = scan.points_lidar;
+  const auto matched = static_cast<std::ptrdiff_t>(scan.matched);
   Query query;
-  query.points.reserve(count);
-  query.stands.reserve(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t source = i * cells.size() / count;
-    if (stands[source] != 0) query.standing.push_back(i);
-    query.points.push_back(cells[source]);
-    query.stands.push_back(stands[source]);
-    if (!scan_lidar.time_offsets_s.empty())
-      query.time_offsets_s.push_back(scan_lidar.time_offsets_s[kept[source]]);
-  }
+  query.stands = standing_flags(cloud.positions, R_map_lidar.cast<float>());
+  query.stands.resize(scan.matched);
+  query.points.assign(cloud.positions.begin(), cloud.positions.begin() + matched);
+  if (!cloud.time_offsets_s.empty())
+    query.time_offsets_s.assign(cloud.time_offsets_s.begin(),
+                                cloud.time_offsets_s.begin() + matched);
+  for (std::size_t i = 0; i < scan.matched; ++i)
+    if (query.stands[i] != 0) query.standing.push_back(i);
   return query;
 }
 

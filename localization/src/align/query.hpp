@@ -10,9 +10,9 @@
 
 namespace stillmap::localization {
 
-/// A scan thinned for matching.
+/// The points of a scan that are matched.
 struct Query {
-  /// At most `kMaxQueryPoints` points [m] in the lidar frame, spread evenly over the surfaces.
+  /// In the lidar frame [m], spread evenly over the surfaces.
   std::vector<Eigen::Vector3f> points;
   /// One flag a point: stands above what is below it, so that it tells about x, y and yaw. The rest
   /// is ground, which is flat nearly everywhere and fits nearly everywhere.
@@ -23,19 +23,12 @@ struct Query {
   std::vector<float> time_offsets_s;
 };
 
-inline constexpr std::size_t kMaxQueryPoints = 4000;
-
 /// One flag a point: stands above the lowest point of its column of 2 m. @param points  in the
 /// lidar frame, within 500 m. @param R  turns them upright.
 [[nodiscard]] std::vector<char> standing_flags(const std::vector<Eigen::Vector3f>& points,
                                                const Eigen::Matrix3f& R);
 
-/// One point a cell of 0.5 m (the first in the scan's order), then every k-th so that the limit
-/// holds. Points beyond 500 m are left out: no lidar of ours sees them, and they would overflow the
-/// grid.
-/// @param R_map_lidar    rotation of the prior: tells where up is.
-/// @param own_vehicle_m  see `AlignerOptions`.
-[[nodiscard]] Query thin(const maps::PointCloud& scan_lidar, const Eigen::Matrix3d& R_map_lidar,
-                         double own_vehicle_m = kOwnVehicleM);
+/// @param R_map_lidar  rotation of the prior: tells where up is.
+[[nodiscard]] Query query_of(const ThinScan& scan, const Eigen::Matrix3d& R_map_lidar);
 
 }  // namespace stillmap::localization

@@ -115,14 +115,26 @@ VoxelAligner::~VoxelAligner() = default;
 AlignmentResult VoxelAligner::align(const maps::PointCloud& scan_lidar,
                                     const std::optional<Prior>& prior) const {
   require_usable(scan_lidar);
+  return align_thin(thin(view_of(scan_lidar)), prior);
+}
+
+ThinScan VoxelAligner::thin(const ScanView& scan_lidar) const {
+  const double own_vehicle_m = options_.aligner.own_vehicle_m;
+  ThinScan thinned = picked(scan_lidar, thin_points(scan_lidar, own_vehicle_m));
+  thinned.own_vehicle_m = static_cast<float>(own_vehicle_m);
+  return thinned;
+}
+
+AlignmentResult VoxelAligner::align_thin(const ThinScan& scan_lidar,
+                                         const std::optional<Prior>& prior) const {
+  require_usable(scan_lidar, options_.aligner);
   return prior ? align_near(scan_lidar, *prior) : align_anywhere(scan_lidar);
 }
 
-AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
-                                         const Prior& prior) const {
+AlignmentResult VoxelAligner::align_near(const ThinScan& scan_lidar, const Prior& prior) const {
   require_usable(prior);
   const AlignerOptions& aligner = options_.aligner;
-  const Query query = thin(scan_lidar, prior.T_map_lidar.linear(), aligner.own_vehicle_m);
+  const Query query = query_of(scan_lidar, prior.T_map_lidar.linear());
   if (query.points.size() < kMinQueryPoints) {
     return lost(Reason::kTooFewPoints, prior.T_map_lidar);
   }
@@ -166,9 +178,9 @@ AlignmentResult VoxelAligner::align_near(const maps::PointCloud& scan_lidar,
   return wider;
 }
 
-AlignmentResult VoxelAligner::align_anywhere(const maps::PointCloud& scan_lidar) const {
+AlignmentResult VoxelAligner::align_anywhere(const ThinScan& scan_lidar) const {
   if (!places_) return lost(Reason::kNeedsPrior);
-  const Query query = thin(scan_lidar, places_->R_level_lidar(), options_.aligner.own_vehicle_m);
+  const Query query = query_of(scan_lidar, places_->R_level_lidar());
   if (query.points.size() < kMinQueryPoints) return lost(Reason::kTooFewPoints);
   const std::vector<Eigen::Isometry3d> starts =
       places_->best_places(query, static_cast<std::size_t>(options_.aligner.max_places), {});

@@ -22,11 +22,13 @@ class VoxelAligner : public Aligner {
   ~VoxelAligner() override;
   [[nodiscard]] AlignmentResult align(const maps::PointCloud& scan_lidar,
                                       const std::optional<Prior>& prior) const override;
+  [[nodiscard]] ThinScan thin(const ScanView& scan_lidar) const override;
+  [[nodiscard]] AlignmentResult align_thin(const ThinScan& scan_lidar,
+                                           const std::optional<Prior>& prior) const override;
 
  private:
-  [[nodiscard]] AlignmentResult align_near(const maps::PointCloud& scan_lidar,
-                                           const Prior& prior) const;
-  [[nodiscard]] AlignmentResult align_anywhere(const maps::PointCloud& scan_lidar) const;
+  [[nodiscard]] AlignmentResult align_near(const ThinScan& scan_lidar, const Prior& prior) const;
+  [[nodiscard]] AlignmentResult align_anywhere(const ThinScan& scan_lidar) const;
   /// @param starts  `T_map_lidar`, at least one. @param prior  may be null.
   [[nodiscard]] AlignmentResult align_from(const std::vector<Eigen::Isometry3d>& starts,
                                            const Query& thinned, const Prior* prior) const;

@@ -102,7 +102,7 @@ void TrackingSession::initialize(const PosePdf& T_map_lidar) {
   history_ = TrackingHistory(options_.history_s);
 }
 
-TrackedPose TrackingSession::track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+TrackedPose TrackingSession::track(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                    const std::optional<OdometryStep>& odometry) {
   if (const TrackedPose* known = history_.answer_at(stamp_ns)) return *known;
   if (is_of_another_clock(stamp_ns)) {
@@ -132,7 +132,7 @@ bool TrackingSession::is_of_another_clock(std::int64_t stamp_ns) {
   return too_old_ >= kScansOfAnotherClock;
 }
 
-TrackedPose TrackingSession::answer_next(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+TrackedPose TrackingSession::answer_next(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                          const std::optional<OdometryStep>& odometry) {
   // Changed on a copy: the aligner may throw.
   Belief belief = belief_;
@@ -218,15 +218,16 @@ std::optional<Prior> TrackingSession::prior_of(const Belief& belief, const Step&
   return prior;
 }
 
-void TrackingSession::match(Step& step, const maps::PointCloud& scan_lidar,
+void TrackingSession::match(Step& step, const ThinScan& scan_lidar,
                             const std::optional<Prior>& prior) const {
   // Where nothing has told the velocity, the aligner finds it.
-  if (step.predicted && knows_velocity(*step.predicted) && !scan_lidar.time_offsets_s.empty()) {
-    maps::PointCloud at_stamp = scan_lidar;
-    maps::deskew(at_stamp, step.predicted->twist);
-    step.match = aligner_->align(at_stamp, prior);
+  if (step.predicted && knows_velocity(*step.predicted) &&
+      !scan_lidar.points_lidar.time_offsets_s.empty()) {
+    ThinScan at_stamp = scan_lidar;
+    maps::deskew(at_stamp.points_lidar, step.predicted->twist);
+    step.match = aligner_->align_thin(at_stamp, prior);
   } else {
-    step.match = aligner_->align(scan_lidar, prior);
+    step.match = aligner_->align_thin(scan_lidar, prior);
   }
   step.found = step.match.status != PoseStatus::kLost;
   const bool against = std::erase(step.match.reasons, Reason::kContradictsPrior) > 0;
@@ -310,8 +311,7 @@ AlignmentResult TrackingSession::search(Belief& belief, const Step& step) const 
   return result;
 }
 
-TrackedPose TrackingSession::answer_late(std::int64_t stamp_ns,
-                                         const maps::PointCloud& scan_lidar) const {
+TrackedPose TrackingSession::answer_late(std::int64_t stamp_ns, const ThinScan& scan_lidar) const {
   Step step;
   step.stamp_ns = stamp_ns;
   step.from = SearchedFrom::kNowhere;

@@ -16,8 +16,9 @@ namespace stillmap::localization {
 class TrackingSession {
  public:
   TrackingSession(std::shared_ptr<const Aligner> aligner, const TrackerOptions& options);
+  [[nodiscard]] const Aligner& aligner() const { return *aligner_; }
   void initialize(const PosePdf& T_map_lidar);
-  [[nodiscard]] TrackedPose track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+  [[nodiscard]] TrackedPose track(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                   const std::optional<OdometryStep>& odometry);
 
  private:
@@ -51,18 +52,16 @@ class TrackingSession {
     bool agrees = false;
   };
 
-  [[nodiscard]] TrackedPose answer_next(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+  [[nodiscard]] TrackedPose answer_next(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                         const std::optional<OdometryStep>& odometry);
-  [[nodiscard]] TrackedPose answer_late(std::int64_t stamp_ns,
-                                        const maps::PointCloud& scan_lidar) const;
+  [[nodiscard]] TrackedPose answer_late(std::int64_t stamp_ns, const ThinScan& scan_lidar) const;
 
   /// Counts scans that come too late; true when it is the newest stamp that was wrong.
   [[nodiscard]] bool is_of_another_clock(std::int64_t stamp_ns);
   void predict(Belief& belief, Step& step, const std::optional<OdometryStep>& odometry) const;
   void choose_mode(Belief& belief, const Step& step) const;
   [[nodiscard]] std::optional<Prior> prior_of(const Belief& belief, const Step& step) const;
-  void match(Step& step, const maps::PointCloud& scan_lidar,
-             const std::optional<Prior>& prior) const;
+  void match(Step& step, const ThinScan& scan_lidar, const std::optional<Prior>& prior) const;
 
   /// The pose to go on from after a match that agrees with the prediction.
   [[nodiscard]] static PosePdf believed(const Step& step);

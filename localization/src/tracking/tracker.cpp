@@ -81,6 +81,18 @@ void Tracker::initialize(const Eigen::Isometry3d& T_map_lidar,
 TrackedPose Tracker::track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
                            const std::optional<OdometryStep>& odometry) {
   require_usable(scan_lidar);
+  ThinScan thinned = thin(view_of(scan_lidar));
+  thinned.points_lidar.turn = scan_lidar.turn;
+  return track_thin(stamp_ns, thinned, odometry);
+}
+
+ThinScan Tracker::thin(const ScanView& scan_lidar) const {
+  return session_->aligner().thin(scan_lidar);
+}
+
+TrackedPose Tracker::track_thin(std::int64_t stamp_ns, const ThinScan& scan_lidar,
+                                const std::optional<OdometryStep>& odometry) {
+  require_usable(scan_lidar.points_lidar);
   if (odometry) {
     require_rigid("odometry", odometry->T_since_lidar, kMaxMotionM);
     require_covariance("odometry", odometry->covariance);

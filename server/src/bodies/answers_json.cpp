@@ -55,6 +55,7 @@ void add_pose(Json& json, const PoseAnswer& answer) {
   json["inlier_ratio"] = result.inlier_ratio;
   json["rmse_m"] = result.rmse_m;
   json["movable_points"] = answer.movable_points;
+  json["no_returns"] = answer.no_returns;
   json["degenerate_directions"] = directions(result.degenerate_directions);
   json["prior_to_pose"] = has_pose && answer.parameters.prior
                               ? offset(answer.parameters.prior->T_map_lidar, result.T_map_lidar)

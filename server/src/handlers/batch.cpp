@@ -71,8 +71,9 @@ PoseRequest take_query(const Context& context, Batch& batch, std::size_t i) {
   JsonBatch::Item& item = batch.queries.items[i];
   if (item.error) throw ApiError(*item.error);
   if (batch.scans.empty()) {
-    check_scan(item.request.scan_lidar, context.options);
-    return {std::move(item.request.parameters), std::move(item.request.scan_lidar)};
+    PoseRequest request{std::move(item.request.parameters), std::move(item.request.scan_lidar)};
+    check_scan(request, context.options);
+    return request;
   }
   if (!batch.scans[i]) {
     throw field_error(ErrorCode::kInvalidRequest, fmt::format("scan-{}", i), "no such part", "one");
@@ -98,9 +99,10 @@ std::string answer_query(const Context& context, const BatchTurn& turn, Batch& b
   PoseParameters& parameters = query.parameters;
   const localization::Aligner& aligner = choose_aligner(*turn.map.aligners, parameters.method);
   parameters.prior = prior_in(turn.map, parameters.prior, parameters.gnss);
-  leave_movable_out(query, answer);
   const PoseClock::time_point aligning = PoseClock::now();
-  answer.result = aligner.align(query.scan_lidar, parameters.prior);
+  const localization::ThinScan scan = scan_to_match(
+      query, [&](const localization::ScanView& all) { return aligner.thin(all); }, answer);
+  answer.result = aligner.align_thin(scan, parameters.prior);
   answer.timing.align_ms = milliseconds_since(aligning);
   answer.parameters = std::move(parameters);
   turn.ticket.scan_done(kind_of(answer.parameters));

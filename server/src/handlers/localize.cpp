@@ -30,8 +30,9 @@ void align(const Context& context, const ServedVersion& map, PoseRequest& reques
   const localization::Aligner& aligner = choose_aligner(*map.aligners, parameters.method);
   parameters.prior = prior_in(map, parameters.prior, parameters.gnss);
   const PoseClock::time_point begin = PoseClock::now();
-  leave_movable_out(request, answer);
-  answer.result = aligner.align(request.scan_lidar, parameters.prior);
+  const localization::ThinScan scan = scan_to_match(
+      request, [&](const localization::ScanView& all) { return aligner.thin(all); }, answer);
+  answer.result = aligner.align_thin(scan, parameters.prior);
   answer.timing.align_ms = milliseconds_since(begin);
   answer.parameters = std::move(parameters);
   count_answer(context, answer, answer.parameters.method);

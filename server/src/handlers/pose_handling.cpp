@@ -119,13 +119,36 @@ const AlignmentQueue::Reservation& reservation_of(const HttpRequest& request) {
   return *static_cast<const AlignmentQueue::Reservation*>(request.reservation.get());
 }
 
-void leave_movable_out(PoseRequest& request, PoseAnswer& answer) {
-  const std::size_t points = request.scan_lidar.size();
-  if (!request.parameters.movable.empty()) {
-    request.scan_lidar =
-        localization::without_points_in(request.scan_lidar, request.parameters.movable);
+localization::ThinScan scan_to_match(PoseRequest& request, const Thinner& thin,
+                                     PoseAnswer& answer) {
+  answer.no_returns = request.no_returns;
+  const std::vector<maps::Box>& movable = request.parameters.movable;
+  if (auto* sent = std::get_if<localization::SentScan>(&request.scan_lidar)) {
+    if (!movable.empty())
+      throw field_error(ErrorCode::kUnsupportedMediaType, "movable", "boxes with a thinned scan",
+                        "the whole scan: send it as application/octet-stream");
+    // Of an empty scan: for which vehicle it thins.
+    if (const float own_vehicle_m = thin({}).own_vehicle_m;
+        sent->scan.own_vehicle_m != own_vehicle_m)
+      throw field_error(
+          ErrorCode::kInvalidScan, "scan",
+          fmt::format("thinned with own_vehicle_m {}", sent->scan.own_vehicle_m),
+          fmt::format("{}, as this server is configured: thin it with that", own_vehicle_m));
+    return std::move(sent->scan);
   }
-  answer.movable_points = points - request.scan_lidar.size();
+  auto* cloud = std::get_if<maps::PointCloud>(&request.scan_lidar);
+  if (movable.empty())
+    return thin(cloud != nullptr ? localization::view_of(*cloud)
+                                 : std::get<localization::ScanView>(request.scan_lidar));
+  maps::PointCloud scan =
+      cloud != nullptr
+          ? std::move(*cloud)
+          : localization::whole_scan(std::get<localization::ScanView>(request.scan_lidar))
+                .points_lidar;
+  const std::size_t points = scan.size();
+  scan = localization::without_points_in(scan, movable);
+  answer.movable_points = points - scan.size();
+  return thin(localization::view_of(scan));
 }
 
 PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request) {

@@ -6,6 +6,7 @@
 #include "pose/pose_request.hpp"
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -52,8 +53,13 @@ void require_wanted(const HttpRequest& request, PoseClock::time_point deadline);
 /// Bytes that the body will take.
 [[nodiscard]] std::size_t body_bytes(const Context& context, const HttpRequest& request);
 
-/// Leaves the points in movable boxes out and counts them. Work: hold a ticket.
-void leave_movable_out(PoseRequest& request, PoseAnswer& answer);
+/// How an aligner or a session thins a scan.
+using Thinner = std::function<localization::ThinScan(const localization::ScanView&)>;
+/// What is matched of a request's scan. Points in movable boxes are left out and counted. Work:
+/// hold a ticket.
+/// @throws ApiError for a scan that was thinned for another vehicle, or with boxes beside it.
+[[nodiscard]] localization::ThinScan scan_to_match(PoseRequest& request, const Thinner& thin,
+                                                   PoseAnswer& answer);
 [[nodiscard]] PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request);
 /// Counts an answer. @param method  as it was asked for, one that there is.
 void count_answer(const Context& context, const PoseAnswer& answer, const std::string& method);

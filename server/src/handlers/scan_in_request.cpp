@@ -20,26 +20,56 @@ namespace {
 
 constexpr std::string_view kRaw = "application/octet-stream";
 constexpr std::string_view kPcd = "application/vnd.pcd";
+constexpr std::string_view kThin = "application/vnd.stillmap.scan";
 
-maps::PointCloud decode(std::string_view bytes, maps::ScanFormat format,
-                        const ServerOptions& options) {
+/// What `read` gives. @throws ApiError for what it refuses.
+template <typename Read>
+auto decoded(const Read& read) {
   try {
-    return maps::decode_scan(std::as_bytes(std::span(bytes)), format, "scan",
-                             options.max_scan_points)
-        .cloud;
+    return read();
   } catch (const maps::InputError& error) {
     throw ApiError(ErrorCode::kInvalidScan, error.what());
   }
 }
 
-maps::PointCloud decode_raw(std::string_view bytes, maps::ScanFormat format,
-                            const ServerOptions& options) {
-  const std::size_t points = bytes.size() / maps::raw_point_bytes(format);
+maps::DecodedScan decode(std::string_view bytes, maps::ScanFormat format,
+                         const ServerOptions& options) {
+  return decoded([&] {
+    return maps::decode_scan(std::as_bytes(std::span(bytes)), format, "scan",
+                             options.max_scan_points);
+  });
+}
+
+localization::ScanView view_raw(std::string_view bytes, maps::ScanFormat format,
+                                const ServerOptions& options) {
+  const std::size_t stride = maps::raw_point_bytes(format);
+  const std::size_t points = bytes.size() / stride;
   if (points > options.max_scan_points) {
     throw field_error(ErrorCode::kPayloadTooLarge, "scan", fmt::format("{} points", points),
                       fmt::format("at most {}", options.max_scan_points));
   }
-  return decode(bytes, format, options);
+  // No whole number of points: the reader of files says what it may be.
+  if (bytes.size() % stride != 0) static_cast<void>(decode(bytes, format, options));
+  localization::ScanView view{.xyz = bytes.data(), .xyz_stride_bytes = stride, .size = points};
+  if (format == maps::ScanFormat::kBinXyzit) {
+    view.time_s = bytes.data() + 4 * sizeof(float);
+    view.time_stride_bytes = stride;
+  }
+  return view;
+}
+
+void read_scan(const ScanInBody& from, const ServerOptions& options, PoseRequest& request) {
+  const std::string_view bytes = from.bytes;
+  if (from.kind == ScanInBody::Kind::kThin) {
+    request.scan_lidar = decoded(
+        [&] { return localization::decode_thin_scan(std::as_bytes(std::span(bytes)), "scan"); });
+  } else if (from.kind == ScanInBody::Kind::kPcd) {
+    maps::DecodedScan scan = decode(bytes, maps::ScanFormat::kPcd, options);
+    request.no_returns = scan.dropped.non_finite + scan.dropped.zero_range;
+    request.scan_lidar = std::move(scan.cloud);
+  } else {
+    request.scan_lidar = view_raw(bytes, from.parameters.raw_format, options);
+  }
 }
 
 ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& options,
@@ -69,7 +99,7 @@ ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& op
   ScanInBody found{
       .kind = scan_kind_of("scan", scan->content_type), .bytes = scan->content, .parameters = {}};
   const JsonScan beside =
-      found.kind == ScanInBody::Kind::kPcd ? JsonScan::kPcdBeside : JsonScan::kRawBeside;
+      found.kind == ScanInBody::Kind::kRaw ? JsonScan::kRawBeside : JsonScan::kPcdBeside;
   found.parameters =
       read_pose_request_json(text == nullptr ? std::string_view("{}") : text->content, beside,
                              purpose, options)
@@ -88,15 +118,16 @@ void refuse_query(const HttpRequest& request) {
 ScanInBody::Kind scan_kind_of(const std::string& part, const std::string& type) {
   if (type.empty() || type == kRaw) return ScanInBody::Kind::kRaw;
   if (type == kPcd) return ScanInBody::Kind::kPcd;
+  if (type == kThin) return ScanInBody::Kind::kThin;
   throw field_error(ErrorCode::kUnsupportedMediaType, part, "'" + type + "'",
-                    fmt::format("{} or {}", kRaw, kPcd));
+                    fmt::format("{}, {} or {}", kRaw, kPcd, kThin));
 }
 
 ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
                      ScanPurpose purpose) {
   const std::string type = media_type(request.header("content-type"));
-  if (type == kRaw || type == kPcd) {
-    return {.kind = type == kRaw ? ScanInBody::Kind::kRaw : ScanInBody::Kind::kPcd,
+  if (type == kRaw || type == kPcd || type == kThin) {
+    return {.kind = scan_kind_of("Content-Type", type),
             .bytes = request.body,
             .parameters = read_flat_parameters(request.query, type == kRaw, purpose)};
   }
@@ -109,7 +140,7 @@ ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
     return find_in_multipart(request, options, purpose);
   }
   throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
-                    fmt::format("{}, {}{} or multipart/form-data", kRaw, kPcd,
+                    fmt::format("{}, {}, {}{} or multipart/form-data", kRaw, kPcd, kThin,
                                 purpose == ScanPurpose::kQuery ? ", application/json" : ""));
 }
 
@@ -119,14 +150,13 @@ PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options,
   if (from.kind == ScanInBody::Kind::kJson) {
     JsonPoseRequest json = read_pose_request_json(
         from.bytes, JsonScan::kInside, ScanPurpose::kQuery, options, std::move(require_wanted));
-    request = {std::move(json.parameters), std::move(json.scan_lidar)};
+    request.parameters = std::move(json.parameters);
+    request.scan_lidar = std::move(json.scan_lidar);
   } else {
-    request.scan_lidar = from.kind == ScanInBody::Kind::kPcd
-                             ? decode(from.bytes, maps::ScanFormat::kPcd, options)
-                             : decode_raw(from.bytes, from.parameters.raw_format, options);
+    read_scan(from, options, request);
     request.parameters = std::move(from.parameters);
   }
-  check_scan(request.scan_lidar, options);
+  check_scan(request, options);
   return request;
 }
 

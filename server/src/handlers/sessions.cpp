@@ -137,9 +137,11 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
     PoseRequest pose_request = decode_scan(std::move(found), context.options);
     answer.timing.decode_ms = milliseconds_since(begin);
     const PoseClock::time_point aligning = PoseClock::now();
-    leave_movable_out(pose_request, answer);
+    const localization::ThinScan thinned = scan_to_match(
+        pose_request, [&](const localization::ScanView& all) { return session->thin(all); },
+        answer);
     localization::TrackedPose pose =
-        session->track(stamp_ns, pose_request.scan_lidar, pose_request.parameters.odometry);
+        session->track(stamp_ns, thinned, pose_request.parameters.odometry);
     answer.timing.align_ms = milliseconds_since(aligning);
     const bool everywhere = pose.searched_from == localization::SearchedFrom::kEverywhere;
     ticket.scan_done(everywhere ? WorkKind::kEverywhere : WorkKind::kNearPrior);

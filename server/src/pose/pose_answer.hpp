@@ -17,6 +17,8 @@ struct PoseAnswer {
   PoseParameters parameters{};
   /// Points of the scan that were left out because they lie in boxes of movable objects.
   std::size_t movable_points = 0;
+  /// Points that say that nothing came back: not finite, or 0, 0, 0.
+  std::size_t no_returns = 0;
   std::string map_name;
   std::string map_version;
   std::string map_digest;

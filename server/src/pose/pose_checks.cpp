@@ -161,24 +161,65 @@ maps::ScanFormat raw_format_of(const std::string& layout) {
   throw field_error(ErrorCode::kInvalidRequest, "layout", "'" + layout + "'", "xyz, xyzi or xyzit");
 }
 
-void check_scan(const maps::PointCloud& scan, const ServerOptions& options) {
-  if (scan.size() > options.max_scan_points) {
-    throw field_error(ErrorCode::kPayloadTooLarge, "scan", fmt::format("{} points", scan.size()),
+namespace {
+
+void check_count(std::size_t points, const ServerOptions& options) {
+  if (points > options.max_scan_points) {
+    throw field_error(ErrorCode::kPayloadTooLarge, "scan", fmt::format("{} points", points),
                       fmt::format("at most {}", options.max_scan_points));
   }
-  if (scan.size() < options.min_scan_points) {
-    throw field_error(ErrorCode::kTooFewPoints, "scan",
-                      fmt::format("{} usable points", scan.size()),
+  if (points < options.min_scan_points) {
+    throw field_error(ErrorCode::kTooFewPoints, "scan", fmt::format("{} usable points", points),
                       fmt::format("at least {}", options.min_scan_points));
   }
-  for (std::size_t i = 0; i < scan.size(); ++i) {
-    if (scan.positions[i].cwiseAbs().maxCoeff() <= kMaxPointM && !scan.positions[i].hasNaN())
-      continue;
-    throw field_error(ErrorCode::kInvalidPoints, fmt::format("scan point {}", i),
-                      fmt::format("{}, {}, {}", scan.positions[i].x(), scan.positions[i].y(),
-                                  scan.positions[i].z()),
-                      fmt::format("coordinates within {} m", kMaxPointM));
+}
+
+bool is_near(float x, float y, float z) {
+  return std::abs(x) <= kMaxPointM && std::abs(y) <= kMaxPointM && std::abs(z) <= kMaxPointM;
+}
+
+ApiError invalid_point(std::size_t i, const std::string& found, const std::string& expected) {
+  return field_error(ErrorCode::kInvalidPoints, fmt::format("scan point {}", i), found, expected);
+}
+
+/// @throws ApiError for the first point that is wrong.
+void check_points(const localization::ScanView& scan) {
+  // Without branches first: nearly all scans are right.
+  bool right = true;
+  for (std::size_t i = 0; i < scan.size; ++i) {
+    const auto [x, y, z] = scan.point(i);
+    right &= is_near(x, y, z) && std::abs(scan.time(i)) <= kMaxPointTimeS;
   }
+  if (right) return;
+  for (std::size_t i = 0; i < scan.size; ++i) {
+    if (!scan.is_point(i)) continue;
+    const auto [x, y, z] = scan.point(i);
+    if (!is_near(x, y, z))
+      throw invalid_point(i, fmt::format("{}, {}, {}", x, y, z),
+                          fmt::format("coordinates within {} m", kMaxPointM));
+    if (!(std::abs(scan.time(i)) <= kMaxPointTimeS))
+      throw invalid_point(i, fmt::format("{} s", scan.time(i)),
+                          fmt::format("within {} s of the scan's stamp", kMaxPointTimeS));
+  }
+}
+
+}  // namespace
+
+void check_scan(PoseRequest& request, const ServerOptions& options) {
+  if (const auto* sent = std::get_if<localization::SentScan>(&request.scan_lidar)) {
+    request.no_returns = sent->no_returns;
+    check_count(sent->points, options);
+    return;
+  }
+  if (const auto* cloud = std::get_if<maps::PointCloud>(&request.scan_lidar)) {
+    check_count(cloud->size(), options);
+    check_points(localization::view_of(*cloud));
+    return;
+  }
+  const auto& raw = std::get<localization::ScanView>(request.scan_lidar);
+  for (std::size_t i = 0; i < raw.size; ++i) request.no_returns += raw.is_point(i) ? 0 : 1;
+  check_count(raw.size - request.no_returns, options);
+  check_points(raw);
 }
 
 }  // namespace stillmap::server

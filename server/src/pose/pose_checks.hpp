@@ -2,6 +2,7 @@
 
 #include "errors/error_codes.hpp"
 #include "pose/gnss_prior.hpp"
+#include "pose/pose_request.hpp"
 
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/scan.hpp>
@@ -24,6 +25,8 @@ namespace stillmap::server {
 inline constexpr double kMaxPositionM = 1e8;
 /// Farthest a scan's point may be from the sensor [m].
 inline constexpr float kMaxPointM = 1e5F;
+/// Farthest a point's time may be from the scan's stamp [s].
+inline constexpr float kMaxPointTimeS = 1.0F;
 /// How far a quaternion's norm may be from 1.
 inline constexpr double kQuaternionTolerance = 1e-3;
 /// Least and largest deviation of a prior [m, rad]: below a nanometre the squares leave the range
@@ -80,7 +83,9 @@ void check_gnss(const GnssFix& fix, const std::string& path);
 /// `xyz`, `xyzi` or `xyzit`. @throws ApiError kInvalidRequest.
 [[nodiscard]] maps::ScanFormat raw_format_of(const std::string& layout);
 
-/// @throws ApiError kPayloadTooLarge, kTooFewPoints, or kInvalidPoints for a point that is too far.
-void check_scan(const maps::PointCloud& scan, const ServerOptions& options);
+/// Counts what came back from nothing in raw and thinned scans.
+/// @throws ApiError kPayloadTooLarge, kTooFewPoints, or kInvalidPoints for a point that is too far
+/// or a time too far from the stamp.
+void check_scan(PoseRequest& request, const ServerOptions& options);
 
 }  // namespace stillmap::server

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/localization/aligner.hpp>
+#include <stillmap/localization/thinning.hpp>
 #include <stillmap/localization/tracker.hpp>
 #include <stillmap/maps/box.hpp>
 #include <stillmap/maps/scan.hpp>
@@ -17,6 +18,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 namespace stillmap::server {
@@ -52,9 +54,15 @@ struct PoseParameters {
   maps::ScanFormat raw_format = maps::ScanFormat::kBinXyzi;
 };
 
+/// A scan as it comes: points, raw points in the request's body, or what the vehicle has thinned.
+using ScanOfRequest =
+    std::variant<maps::PointCloud, localization::ScanView, localization::SentScan>;
+
 struct PoseRequest {
   PoseParameters parameters;
-  maps::PointCloud scan_lidar;
+  ScanOfRequest scan_lidar;
+  /// Points of the scan that say that nothing came back.
+  std::size_t no_returns = 0;
 };
 
 }  // namespace stillmap::server

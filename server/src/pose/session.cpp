@@ -42,10 +42,10 @@ Session::Session(Name name, ServedVersion map, AlignmentQueue& queue)
 }
 
 localization::TrackedPose Session::track(
-    std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+    std::int64_t stamp_ns, const localization::ThinScan& scan_lidar,
     const std::optional<localization::OdometryStep>& odometry) {
   const std::scoped_lock tracking(tracker_mutex_);
-  localization::TrackedPose pose = tracker_.track(stamp_ns, scan_lidar, odometry);
+  localization::TrackedPose pose = tracker_.track_thin(stamp_ns, scan_lidar, odometry);
   const std::scoped_lock lock(mutex_);
   ++summary_.scans;
   const auto& reasons = pose.result.reasons;

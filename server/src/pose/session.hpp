@@ -45,9 +45,13 @@ class Session {
   [[nodiscard]] SessionLine& line() { return line_; }
   [[nodiscard]] SessionEvents& events() { return events_; }
 
-  /// As `Tracker::track`; a change of status becomes an event.
+  /// As the session's aligner thins a scan.
+  [[nodiscard]] localization::ThinScan thin(const localization::ScanView& scan_lidar) const {
+    return map_.aligners->front().second->thin(scan_lidar);
+  }
+  /// As `Tracker::track_thin`; a change of status becomes an event.
   [[nodiscard]] localization::TrackedPose track(
-      std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
+      std::int64_t stamp_ns, const localization::ThinScan& scan_lidar,
       const std::optional<localization::OdometryStep>& odometry);
   /// Forgets where the vehicle was. @param prior  with its covariance; none: the next scan is
   /// looked for everywhere. Waits for the scan that is being aligned; the one that waits behind it

@@ -66,7 +66,7 @@ TEST(SweepMotion, TheMapTellsTwistAndPoseAtTheStamp) {
   const Eigen::Isometry3d T = pose_at(60.0, 0.5, 0.1);
   const Vector6d twist = twist_of(12.0, 0.4);
   const maps::PointCloud scan = street().world.sweep(T, twist, pattern(3), -0.1, 0.0);
-  Query query = thin(scan, T.linear());
+  Query query = query_of(picked(view_of(scan), thin_points(view_of(scan))), T.linear());
   ASSERT_EQ(query.time_offsets_s.size(), query.points.size());
   // Taken as it came it fits where the sensor was in between.
   Eigen::Isometry3d T_index_lidar = T * maps::exp_se3(-0.05 * twist);

@@ -102,7 +102,8 @@ TEST(PoseSearch, GivesNoPlaceTwice) {
   // Off by several steps of the yaw, to both sides.
   for (const double off_rad : {-0.25, 0.25}) {
     const Eigen::Isometry3d prior = pose_at(60.0, 0.0, 0.02 + off_rad);
-    const Query query = thin(street().world.scan(T, pattern(7)), prior.linear(), 2.7);
+    const maps::PointCloud scan = street().world.scan(T, pattern(7));
+    const Query query = query_of(picked(view_of(scan), thin_points(view_of(scan))), prior.linear());
     const MapIndex::Level& level = street().index->levels()[1];
     ASSERT_EQ(level.edge_m, 1.0F);
     const std::vector<Eigen::Isometry3d> found =

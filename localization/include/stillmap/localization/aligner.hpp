@@ -3,6 +3,7 @@
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/localization/options.hpp>
 #include <stillmap/localization/reason.hpp>
+#include <stillmap/localization/thinning.hpp>
 #include <stillmap/maps/scan.hpp>
 
 #include <Eigen/Core>
@@ -102,6 +103,16 @@ class Aligner {
   /// @note   Safe from several threads. Same input, same bits.
   [[nodiscard]] virtual AlignmentResult align(const maps::PointCloud& scan_lidar,
                                               const std::optional<Prior>& prior) const = 0;
+
+  /// The points of a scan that this method looks at: those of `thin_points` for the method
+  /// `default`, all of them for the others. No returns are left out.
+  [[nodiscard]] virtual ThinScan thin(const ScanView& scan_lidar) const;
+  /// As `align`, of a scan that was thinned before: `align(scan)` is `align_thin(thin(scan))`, to
+  /// the bit. A vehicle that thins its scans need not send the rest. The other methods take the
+  /// points for the scan.
+  /// @throws std::invalid_argument as `align`, and if it was thinned for a vehicle of another size.
+  [[nodiscard]] virtual AlignmentResult align_thin(const ThinScan& scan_lidar,
+                                                   const std::optional<Prior>& prior) const;
 };
 
 /// Names for `make_aligner`, the default first.

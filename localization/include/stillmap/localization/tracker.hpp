@@ -94,6 +94,12 @@ class Tracker {
   ///         has changed.
   [[nodiscard]] TrackedPose track(std::int64_t stamp_ns, const maps::PointCloud& scan_lidar,
                                   const std::optional<OdometryStep>& odometry = std::nullopt);
+  /// The same for a scan that was thinned before (`thin`, or the vehicle did). Scans are thinned
+  /// first and moved to the stamp then, so both give equal bits.
+  [[nodiscard]] TrackedPose track_thin(std::int64_t stamp_ns, const ThinScan& scan_lidar,
+                                       const std::optional<OdometryStep>& odometry = std::nullopt);
+  /// As the session's aligner thins a scan.
+  [[nodiscard]] ThinScan thin(const ScanView& scan_lidar) const;
 
  private:
   std::unique_ptr<TrackingSession> session_;

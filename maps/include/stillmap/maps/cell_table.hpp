@@ -1,13 +1,13 @@
 #pragma once
 
 #include <array>
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <utility>
 #include <vector>
 
+// C++17 and the standard library alone: clients include it, too.
 // The one hash table for cells of a grid: keys of cells, and three tables that number or hold what
 // lies in them in the order in which it came, so that no result depends on a hash.
 //   CellTable  key -> number; keys lie in the slots: the fastest look-up, 24 to 32 bytes a cell
@@ -66,6 +66,17 @@ inline constexpr std::int32_t kCellsPerAxis = 1 << 21;
   return key * 0x9E3779B97F4A7C15ULL;
 }
 
+/// Slots of a table for so many cells: a power of two, and by how much a hash is shifted to be one.
+struct SlotCount {
+  std::size_t slots = 32;
+  int shift = 59;
+};
+[[nodiscard]] constexpr SlotCount slots_for(std::size_t cells) {
+  SlotCount count;
+  for (; count.slots < 2 * cells + 16; count.slots *= 2) --count.shift;
+  return count;
+}
+
 /// Open-addressing table from cell keys to numbers 0, 1, ... in the order in which the keys came;
 /// linear probing at a load of at most one half, so that a look-up touches one cache line most of
 /// the time. Never shrinks, never erases.
@@ -114,11 +125,11 @@ class CellTable {
   }
 
   void rehash(std::size_t expected) {
-    const std::size_t capacity = std::bit_ceil(2 * expected + 16);
-    std::vector<Slot> old(capacity);
+    const SlotCount count = slots_for(expected);
+    std::vector<Slot> old(count.slots);
     old.swap(slots_);
-    mask_ = capacity - 1;
-    shift_ = 64 - std::countr_zero(capacity);
+    mask_ = count.slots - 1;
+    shift_ = count.shift;
     for (const Slot& kept : old) {
       if (kept.value == kNone) continue;
       std::size_t slot = slot_of(kept.key);
@@ -171,10 +182,10 @@ class CellIndex {
   }
 
   void resize(std::size_t expected) {
-    const std::size_t capacity = std::bit_ceil(2 * expected + 16);
-    slots_.assign(capacity, kNone);
-    mask_ = capacity - 1;
-    shift_ = 64 - std::countr_zero(capacity);
+    const SlotCount count = slots_for(expected);
+    slots_.assign(count.slots, kNone);
+    mask_ = count.slots - 1;
+    shift_ = count.shift;
   }
 
   std::vector<std::uint32_t> slots_;
