@@ -41,6 +41,13 @@ def faults(name, value):
     return [error.message for error in jsonschema.Draft201909Validator(schema(name)).iter_errors(value)]
 
 
+def contract_faults(name, value):
+    """What server/openapi.json finds."""
+    document = json.loads((pathlib.Path(__file__).resolve().parents[2] / "server/openapi.json").read_text())
+    contract = {"components": document["components"], "$ref": f"#/components/schemas/{name}"}
+    return [error.message for error in jsonschema.Draft202012Validator(contract).iter_errors(value)]
+
+
 def ecef(lat, lon, height):
     """WGS 84, by its formulas."""
     a, e2 = 6378137.0, 6.69437999014e-3
@@ -127,6 +134,7 @@ class GeoPose(unittest.TestCase):
         self.assertEqual((status, headers["Content-Type"]), (200, "application/geopose+json; version=1.0"))
         self.assertEqual(headers["Stillmap-Status"], "ok")
         self.assertEqual(faults("Basic.Quaternion", found) + faults("Basic.Strict_Quaternion", found), [])
+        self.assertEqual(contract_faults("GeoPoseBasicQuaternion", found) + contract_faults("GeoPose", found), [])
         place = found["position"]
         self.assertTrue(-180.0 <= place["lon"] <= 180.0)
         self.check(answer, place["lat"], place["lon"], place["h"], found["quaternion"])
@@ -136,6 +144,8 @@ class GeoPose(unittest.TestCase):
         self.assertEqual((status, headers["Content-Type"]),
                          (200, "application/geopose+json; version=1.0; profile=advanced"))
         self.assertEqual(faults("Advanced", found), [])
+        self.assertEqual(contract_faults("GeoPoseAdvanced", found) + contract_faults("GeoPose", found), [])
+        self.assertTrue(contract_faults("GeoPoseBasicQuaternion", found))
         self.assertEqual(found["validTime"], 1629069964275)
         sample = json.loads((SCHEMAS / "sample4_Advanced.json").read_text())["frameSpecification"]
         frame = found["frameSpecification"]

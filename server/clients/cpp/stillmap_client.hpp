@@ -29,7 +29,8 @@
 /// frame b to frame a. The rest of the interface has no vehicle in it: see the Python client.
 namespace stillmap::client {
 
-/// 6x6 row by row, tx ty tz [m] rx ry rz [rad], perturbation on the right, in the lidar frame.
+/// 6x6 row by row, tx ty tz [m] rx ry rz [rad], perturbation on the right, in the lidar frame. Sent
+/// ones may have rows and columns of zeros: "not told", as planar odometry has z, roll and pitch.
 using Covariance = std::array<double, 36>;
 
 struct Pose {

@@ -139,8 +139,8 @@ class Client:
             if prior.sigma is not None:
                 flat["prior_sigma"] = _csv(prior.sigma)
         if gnss is not None:
-            altitude = "" if gnss.altitude_m is None else repr(float(gnss.altitude_m))
-            flat["gnss"] = f"{gnss.latitude_deg!r},{gnss.longitude_deg!r},{altitude},{gnss.sigma_m!r}"
+            altitude = "" if gnss.altitude_m is None else _csv([gnss.altitude_m])
+            flat["gnss"] = ",".join((_csv([gnss.latitude_deg, gnss.longitude_deg]), altitude, _csv([gnss.sigma_m])))
         parameters, body, headers = scan_request(query.scan, query.layout, flat, keys)
         if accept is not None:
             headers["Accept"] = accept

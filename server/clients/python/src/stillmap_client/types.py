@@ -6,13 +6,16 @@ Each keeps the whole JSON answer in `raw`, so that keys which this version does 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Dict, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple, Union
 
 from .scan import Scan
 
 Vector3 = Tuple[float, float, float]
 #: x, y, z, w
 Quaternion = Tuple[float, float, float, float]
+#: 36 numbers row by row, or 6 rows (such as a numpy array of 6 x 6); order tx ty tz rx ry rz. A row and column of
+#: zeros is "not told", as planar localizers and odometry have them for z, roll and pitch.
+Covariance = Union[Sequence[float], Sequence[Sequence[float]]]
 
 
 def _floats(values: Sequence[Any]) -> Tuple[float, ...]:
@@ -37,20 +40,20 @@ class Pose:
         return cls((x, y, z), (qx, qy, qz, qw))
 
     def to_json(self) -> Dict[str, Any]:
-        return {"position": list(self.position), "quaternion": list(self.quaternion)}
+        return {"position": list(_floats(self.position)), "quaternion": list(_floats(self.quaternion))}
 
 
 @dataclass(frozen=True)
 class Prior:
     """Where the search starts: T_map_lidar, and how sure that is.
 
-    `sigma` is (metres, radians) for all directions alike; `covariance` has 36 numbers row by row, order tx ty tz
-    rx ry rz, perturbation on the right, in the lidar frame. At most one of the two.
+    `sigma` is (metres, radians) for all directions alike; `covariance` is a `Covariance`, perturbation on the right,
+    in the lidar frame. At most one of the two.
     """
 
     pose: Pose
     sigma: Optional[Tuple[float, float]] = None
-    covariance: Optional[Sequence[float]] = None
+    covariance: Optional[Covariance] = None
 
     def to_json(self) -> Dict[str, Any]:
         json = self.pose.to_json()
@@ -70,10 +73,10 @@ class Gnss:
     altitude_m: Optional[float] = None
 
     def to_json(self) -> Dict[str, Any]:
-        json: Dict[str, Any] = {"latitude_deg": self.latitude_deg, "longitude_deg": self.longitude_deg,
-                                "sigma_m": self.sigma_m}
+        json: Dict[str, Any] = {"latitude_deg": float(self.latitude_deg), "longitude_deg": float(self.longitude_deg),
+                                "sigma_m": float(self.sigma_m)}
         if self.altitude_m is not None:
-            json["altitude_m"] = self.altitude_m
+            json["altitude_m"] = float(self.altitude_m)
         return json
 
 
@@ -85,7 +88,7 @@ class Odometry:
     since_ns: int
     pose: Pose
     sigma: Optional[Tuple[float, float]] = None
-    covariance: Optional[Sequence[float]] = None
+    covariance: Optional[Covariance] = None
 
     def to_json(self) -> Dict[str, Any]:
         covariance = covariance_of(self.sigma, self.covariance)
@@ -103,19 +106,26 @@ class MovableBox:
     yaw: float = 0.0
 
     def to_json(self) -> Dict[str, Any]:
-        return {"centre": list(self.centre), "size": list(self.size), "yaw": self.yaw}
+        return {"centre": list(_floats(self.centre)), "size": list(_floats(self.size)), "yaw": float(self.yaw)}
 
 
 def _pose(json: Optional[Mapping[str, Any]]) -> Optional[Pose]:
     return None if json is None else Pose.of(json)
 
 
-def covariance_of(sigma: Optional[Tuple[float, float]], covariance: Optional[Sequence[float]]) -> Optional[Sequence[float]]:
+def _row_by_row(covariance: Covariance) -> Sequence[float]:
+    flat = [float(x) for row in covariance for x in (row if isinstance(row, Iterable) else (row,))]
+    if len(flat) != 36:
+        raise ValueError(f"covariance: found {len(flat)} numbers, expected 36, or 6 rows of 6")
+    return flat
+
+
+def covariance_of(sigma: Optional[Tuple[float, float]], covariance: Optional[Covariance]) -> Optional[Sequence[float]]:
     if sigma is not None and covariance is not None:
         raise ValueError("sigma: found a covariance beside it, expected one of the two")
     if sigma is None:
-        return None if covariance is None else [float(x) for x in covariance]
-    variances = [sigma[0] ** 2] * 3 + [sigma[1] ** 2] * 3
+        return None if covariance is None else _row_by_row(covariance)
+    variances = [float(sigma[0]) ** 2] * 3 + [float(sigma[1]) ** 2] * 3
     return [variances[i] if i == j else 0.0 for i in range(6) for j in range(6)]
 
 
