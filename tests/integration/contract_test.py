@@ -130,14 +130,15 @@ class Contract(unittest.TestCase):
                 return
             time.sleep(0.1)
 
-    def ask(self, method, pattern, expected, body=None, query="", kind=None, **parts):
+    def ask(self, method, pattern, expected, body=None, query="", kind=None, accept=None, **parts):
         """Sends a request and holds its answer against what the document says of this status."""
         path = pattern
         for name, value in parts.items():
             path = path.replace("{" + name + "}", str(value))
         if isinstance(body, (dict, list)):
             body, kind = json.dumps(body), "application/json"
-        status, found, data = self.send(method, path + query, body, {"Content-Type": kind} if kind else {})
+        headers = {name: value for name, value in (("Content-Type", kind), ("Accept", accept)) if value}
+        status, found, data = self.send(method, path + query, body, headers)
         self.assertEqual(status, expected, f"{method} {path}: {data[:500]!r}")
         responses = self.document["paths"][pattern][method.lower()]["responses"]
         self.assertIn(str(status), responses, f"{method} {pattern}")
@@ -216,7 +217,12 @@ class Contract(unittest.TestCase):
             self.assertEqual(answer["status"], "ok")
             self.ask("POST", place, 200, parts, "", f"multipart/form-data; boundary={boundary}", map="town", version="v1")
             self.ask("POST", place, 422, self.scan(1)[:160], prior, raw, map="town", version="v1")
+            # The sample has no place on the Earth; geopose_test.py has a map that does.
+            self.ask("POST", place, 406, self.scan(1), prior, raw, accept="application/geopose+json", map="town",
+                     version="v1")
             lost = [[float(i % 7), float(i % 11), float(i % 3)] for i in range(2000)]
+            self.ask("POST", place + "/batch", 406, {"queries": []}, accept="application/geopose+json", map="town",
+                     version="v1")
             self.ask("POST", place + "/batch", 200, {"queries": [{"points": lost}, {"points": []}]}, map="town",
                      version="v1")
 
@@ -224,6 +230,8 @@ class Contract(unittest.TestCase):
         one = "/v1/sessions/{session}"
         session = self.ask("POST", "/v1/sessions", 201, {"map": "town"})["id"]
         self.ask("POST", one + "/scans", 200, self.scan(0), "?stamp_ns=0", "application/octet-stream", session=session)
+        self.ask("POST", one + "/scans", 406, self.scan(0), "?stamp_ns=1", "application/octet-stream",
+                 accept="application/geopose+json", session=session)
         self.ask("GET", one, 200, session=session)
         self.ask("GET", "/v1/sessions", 200)
         self.ask("POST", one + "/initialize", 200, {}, session=session)

@@ -26,8 +26,12 @@ PAGE = b"<html>moved</html>"
 WRONG = [(301, "text/html", {"Location": "https://x/"}, PAGE), (200, "text/html", {}, PAGE),
          (200, "application/json", {}, b"{}"), (200, "application/json", {}, b"[1]"),
          (500, "application/json", {}, b'{"code": 7}'), (200, "application/json", {"Content-Length": "100"}, b'{"status": ')]
-POSE = json.dumps({"status": "lost", "reasons": [], "pose": None, "covariance": None, "inlier_ratio": 0.0,
-                   "map": {"version": "b"}, "request_id": "r"}).encode()
+POSE = json.dumps({
+    "status": "lost", "reasons": [], "pose": None, "covariance": None, "covariance_order": [],
+    "protection": dict.fromkeys(("longitudinal_m", "lateral_m", "vertical_m", "yaw_rad")), "inlier_ratio": 0.0,
+    "rmse_m": 0.0, "movable_points": 0, "degenerate_directions": [], "prior_to_pose": None, "iterations": 0,
+    "map": {"name": "a", "version": "b", "digest": "c"}, "stamp_ns": "1",
+    "timing_ms": {"wait": 0.0, "decode": 0.0, "align": 0.0, "total": 0.0}, "warnings": [], "request_id": "r"}).encode()
 
 
 @contextlib.contextmanager
@@ -139,6 +143,15 @@ class Streaming(unittest.TestCase):
                          "200 : found 'text/html', expected application/json", "200 : found another answer than expected",
                          "500 : found 'application/json'", "no answer"):
                 self.assertIn(text, done.stderr)
+
+    def test_the_page_tells_how_to_compile(self):
+        root = pathlib.Path(__file__).resolve().parents[2]
+        page = (root / "server/clients/README.md").read_text()
+        command = re.search(r"^g\+\+ .*?[^\\]\n", page, re.M | re.S).group(0)
+        with tempfile.TemporaryDirectory() as folder:
+            made = pathlib.Path(folder) / "stream_drive"
+            subprocess.run(command.replace("-o stream_drive", f"-o {made}"), shell=True, check=True, cwd=root)
+            self.assertEqual(subprocess.run([made], capture_output=True).returncode, 2)
 
     def test_wrong_usage_is_2(self):
         self.assertEqual(subprocess.run([EXAMPLE], capture_output=True).returncode, 2)

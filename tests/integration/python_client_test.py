@@ -104,7 +104,7 @@ class RealServer(unittest.TestCase):
             step = Odometry(0, Pose((0.5, 0.0, 0.0)), sigma=(1.0, 0.1))
             second = session.track(scan(1), 100_000_000, odometry=step)
             self.assertEqual((first.status, second.status), ("ok", "ok"))
-            self.assertEqual(session.info()["scans"], 2)
+            self.assertEqual(session.info().scans, 2)
             session.initialize(START)
             events = session.events()
             self.assertEqual(next(events).type, "status")

@@ -48,6 +48,15 @@ Eigen::Isometry3d T_ecef_enu(const GeodeticOrigin& origin) {
   return T;
 }
 
+GeodeticOrigin place_in_enu(const Eigen::Vector3d& p_enu, const GeodeticOrigin& origin) {
+  const GeographicLib::LocalCartesian local(origin.latitude_deg, origin.longitude_deg,
+                                            origin.altitude_m);
+  GeodeticOrigin place;
+  local.Reverse(p_enu.x(), p_enu.y(), p_enu.z(), place.latitude_deg, place.longitude_deg,
+                place.altitude_m);
+  return place;
+}
+
 std::vector<std::string> violations(const GeodeticOrigin& origin) {
   std::vector<std::string> broken;
   const auto check = [&](const char* name, double value, double least, double most) {

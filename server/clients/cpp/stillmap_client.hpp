@@ -9,22 +9,29 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
+#include <cstdlib>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <random>
-#include <span>
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
-/// Poses and sessions of a stillmap server for C++20, in one header over cpp-httplib (compiled with
-/// the flags of its .pc file) and nlohmann-json. SI units; T_a_b takes points from frame b to
-/// frame a. The rest of the interface has no vehicle in it: see the Python client.
+/// Poses, sessions and map packages of a stillmap server for C++17, in one header over cpp-httplib
+/// (compiled with the flags of its .pc file) and nlohmann-json. SI units; T_a_b takes points from
+/// frame b to frame a. The rest of the interface has no vehicle in it: see the Python client.
 namespace stillmap::client {
+
+/// 6x6 row by row, tx ty tz [m] rx ry rz [rad], perturbation on the right, in the lidar frame. Sent
+/// ones may have rows and columns of zeros: "not told", as planar odometry has z, roll and pitch.
+using Covariance = std::array<double, 36>;
 
 struct Pose {
   std::array<double, 3> position{};
@@ -32,11 +39,131 @@ struct Pose {
   std::array<double, 4> quaternion{0.0, 0.0, 0.0, 1.0};
 };
 
-/// T_map_lidar where the search starts, with one standard deviation each.
+/// T_map_lidar where the search starts, with one standard deviation each, or a covariance instead.
 struct Prior {
   Pose pose{};
   double sigma_m = 1.0;
   double sigma_rad = 0.1;
+  std::optional<Covariance> covariance{};
+};
+
+/// Where a satellite receiver says that the lidar is (WGS 84), with one standard deviation.
+struct Gnss {
+  double latitude_deg = 0.0;
+  double longitude_deg = 0.0;
+  double sigma_m = 1.0;
+  /// Above the ellipsoid.
+  std::optional<double> altitude_m{};
+};
+
+/// Pose of the lidar at this scan in the lidar frame at the earlier scan `since_ns`, with one
+/// standard deviation each, or a covariance instead.
+struct Odometry {
+  std::int64_t since_ns = 0;
+  Pose pose{};
+  double sigma_m = 0.1;
+  double sigma_rad = 0.01;
+  std::optional<Covariance> covariance{};
+};
+
+/// An object that a detector found in the scan, in the lidar frame: length, width, height [m], yaw
+/// counter-clockwise from +x.
+struct MovableBox {
+  std::array<double, 3> centre{};
+  std::array<double, 3> size{};
+  double yaw_rad = 0.0;
+};
+
+/// Points of a scan in the lidar frame; does not own them.
+struct Points {
+  /// x y z [m], intensity, time relative to the scan's stamp [s], as `layout` has them.
+  const float* data = nullptr;
+  std::size_t floats = 0;
+  /// What each point has, a float a letter: xyz, xyzi or xyzit.
+  std::string layout = "xyzi";
+
+  Points(const float* first, std::size_t count, std::string each = "xyzi")
+      : data(first), floats(count), layout(std::move(each)) {
+    if (layout.empty() || floats % layout.size() != 0)
+      throw std::invalid_argument("scan: found " + std::to_string(floats) +
+                                  " floats, expected a multiple of those of layout '" + layout +
+                                  "'");
+  }
+  // NOLINTNEXTLINE(google-explicit-constructor)
+  Points(const std::vector<float>& points, std::string each = "xyzi")
+      : Points(points.data(), points.size(), std::move(each)) {}
+};
+
+/// What a query may say besides its scan.
+struct Query {
+  /// Neither prior nor gnss = anywhere in the map; at most one of the two.
+  std::optional<Prior> prior{};
+  std::optional<Gnss> gnss{};
+  /// Mount of the lidar: asks for T_map_base.
+  std::optional<Pose> T_base_lidar{};
+  std::vector<MovableBox> movable{};
+  std::optional<std::int64_t> stamp_ns{};
+  /// `default`, `icp` or `point_to_plane`.
+  std::string method{};
+  /// From the complete request.
+  std::optional<std::chrono::milliseconds> deadline{};
+  /// Empty = the active one.
+  std::string version{};
+};
+
+/// What a session's scan may say besides points and stamp.
+struct ScanOptions {
+  std::optional<Odometry> odometry{};
+  std::optional<Pose> T_base_lidar{};
+  std::vector<MovableBox> movable{};
+  std::optional<std::chrono::milliseconds> deadline{};
+  /// Instead of the client's.
+  std::optional<int> retries{};
+};
+
+/// How a session starts.
+struct SessionOptions {
+  std::optional<Prior> prior{};
+  std::optional<Gnss> gnss{};
+  /// Empty = the active one.
+  std::string version{};
+  /// What operators see; empty = made by the server.
+  std::string label{};
+  /// Instead of the client's.
+  std::optional<int> retries{};
+};
+
+/// What the errors of an `ok` pose stay within but for one in a thousand; nothing = no bound.
+struct Protection {
+  std::optional<double> longitudinal_m{};
+  std::optional<double> lateral_m{};
+  std::optional<double> vertical_m{};
+  std::optional<double> yaw_rad{};
+};
+
+struct MapReference {
+  std::string name;
+  std::string version;
+  std::string digest;
+};
+
+/// How far a pose is from the prior.
+struct Offset {
+  double m = 0.0;
+  double rad = 0.0;
+};
+
+/// `clock_skew`: the stamp is `ahead_s` ahead of the server's clock.
+struct Warning {
+  std::string code;
+  double ahead_s = 0.0;
+};
+
+struct Timing {
+  double wait_ms = 0.0;
+  double decode_ms = 0.0;
+  double align_ms = 0.0;
+  double total_ms = 0.0;
 };
 
 struct PoseAnswer {
@@ -45,13 +172,76 @@ struct PoseAnswer {
   std::vector<std::string> reasons;
   /// T_map_lidar; nothing when lost.
   std::optional<Pose> pose;
-  /// 6x6 row by row, tx ty tz [m] rx ry rz [rad], perturbation on the right, in the lidar frame.
-  std::optional<std::array<double, 36>> covariance;
+  /// Nothing when lost, or when no T_base_lidar was sent.
+  std::optional<Pose> T_map_base;
+  std::optional<Covariance> covariance;
+  std::vector<std::string> covariance_order;
+  Protection protection;
   double inlier_ratio = 0.0;
-  std::string map_version;
+  double rmse_m = 0.0;
+  std::int64_t movable_points = 0;
+  /// In the covariance's order; the last three are metres that a turn moves a point 15 m away.
+  std::vector<std::array<double, 6>> degenerate_directions;
+  std::optional<Offset> prior_to_pose;
+  std::int64_t iterations = 0;
+  MapReference map;
+  std::optional<std::int64_t> stamp_ns;
+  Timing timing;
+  std::vector<Warning> warnings;
   std::string request_id;
+  /// Both of a session's scan only.
+  std::string session;
+  std::string searched_from;
   /// Every key of the answer.
   nlohmann::json json;
+};
+
+/// A pose on the Earth as OGC GeoPose 1.0 has it: of the base if T_base_lidar was sent, else of the
+/// lidar.
+struct GeoPose {
+  /// `ok` or `degraded`: GeoPose itself has no word for it.
+  std::string status;
+  std::vector<std::string> reasons;
+  double latitude_deg = 0.0;
+  double longitude_deg = 0.0;
+  /// Above the ellipsoid.
+  double height_m = 0.0;
+  /// x, y, z, w: takes the vehicle's axes to east, north and up at the vehicle.
+  std::array<double, 4> quaternion{};
+  /// The scan's stamp.
+  std::optional<std::int64_t> valid_time_ms;
+};
+
+/// How a session stands. The pose is that of the newest scan that was not lost, at `pose_stamp_ns`.
+struct SessionInfo {
+  /// Empty for a session of another key.
+  std::string id;
+  std::string label;
+  MapReference map;
+  std::string active_version;
+  std::int64_t scans = 0;
+  /// Empty before the first scan.
+  std::string status;
+  std::vector<std::string> reasons;
+  std::optional<std::int64_t> stamp_ns;
+  std::optional<Pose> pose;
+  std::optional<std::int64_t> pose_stamp_ns;
+  std::optional<Covariance> covariance;
+  std::vector<std::string> covariance_order;
+  std::optional<double> inlier_ratio;
+  double idle_s = 0.0;
+  double idle_limit_s = 0.0;
+  /// In lists of sessions.
+  std::string key_id;
+  std::string key_name;
+};
+
+/// A server-sent event: `status`, `version_activated`, `closed`, `gap`.
+struct Event {
+  /// Nothing for those that are not kept (`gap`).
+  std::optional<std::int64_t> id;
+  std::string type;
+  nlohmann::json data;
 };
 
 class Error : public std::runtime_error {
@@ -91,6 +281,227 @@ inline bool is_passing(const Problem& problem) {
          problem.code != "MapUnusable";
 }
 
+/// Requests and answers as JSON; not for callers.
+namespace detail {
+
+using Json = nlohmann::json;
+
+inline Covariance covariance_of(double sigma_m, double sigma_rad,
+                                const std::optional<Covariance>& covariance) {
+  if (covariance) return *covariance;
+  Covariance diagonal{};
+  for (std::size_t i = 0; i < 6; ++i) diagonal[7 * i] = std::pow(i < 3 ? sigma_m : sigma_rad, 2);
+  return diagonal;
+}
+
+inline Json to_json(const Pose& pose) {
+  return {{"position", pose.position}, {"quaternion", pose.quaternion}};
+}
+
+inline Json to_json(const Prior& prior) {
+  Json json = to_json(prior.pose);
+  json["covariance"] = covariance_of(prior.sigma_m, prior.sigma_rad, prior.covariance);
+  return json;
+}
+
+inline Json to_json(const Gnss& gnss) {
+  Json json = {{"latitude_deg", gnss.latitude_deg},
+               {"longitude_deg", gnss.longitude_deg},
+               {"sigma_m", gnss.sigma_m}};
+  if (gnss.altitude_m) json["altitude_m"] = *gnss.altitude_m;
+  return json;
+}
+
+inline Json to_json(const Odometry& step) {
+  Json json = to_json(step.pose);
+  json["since_ns"] = std::to_string(step.since_ns);
+  json["covariance"] = covariance_of(step.sigma_m, step.sigma_rad, step.covariance);
+  return json;
+}
+
+inline Json to_json(const std::vector<MovableBox>& boxes) {
+  Json json = Json::array();
+  for (const MovableBox& box : boxes)
+    json.push_back({{"centre", box.centre}, {"size", box.size}, {"yaw", box.yaw_rad}});
+  return json;
+}
+
+/// Without the deadline, which a batch has for all.
+inline Json to_json(const Query& query) {
+  Json json = Json::object();
+  if (query.prior) json["prior"] = to_json(*query.prior);
+  if (query.gnss) json["gnss"] = to_json(*query.gnss);
+  if (query.T_base_lidar) json["T_base_lidar"] = to_json(*query.T_base_lidar);
+  if (!query.movable.empty()) json["movable"] = to_json(query.movable);
+  if (query.stamp_ns) json["stamp_ns"] = std::to_string(*query.stamp_ns);
+  if (!query.method.empty()) json["method"] = query.method;
+  return json;
+}
+
+inline Json to_json(const ScanOptions& options, std::int64_t stamp_ns) {
+  Json json = {{"stamp_ns", std::to_string(stamp_ns)}};
+  if (options.odometry) json["odometry"] = to_json(*options.odometry);
+  if (options.T_base_lidar) json["T_base_lidar"] = to_json(*options.T_base_lidar);
+  if (!options.movable.empty()) json["movable"] = to_json(options.movable);
+  if (options.deadline) json["deadline_ms"] = options.deadline->count();
+  return json;
+}
+
+template <typename Value>
+std::optional<Value> optional_of(const Json& json) {
+  return json.is_null() ? std::nullopt : std::optional<Value>(json.get<Value>());
+}
+
+inline Pose pose_of(const Json& json) {
+  return {json.at("position").get<std::array<double, 3>>(),
+          json.at("quaternion").get<std::array<double, 4>>()};
+}
+
+inline std::optional<Pose> optional_pose_of(const Json& json) {
+  return json.is_null() ? std::nullopt : std::optional<Pose>(pose_of(json));
+}
+
+/// Nanoseconds are decimal text, since a JSON number is not exact beyond 2^53.
+inline std::optional<std::int64_t> stamp_of(const Json& json) {
+  if (json.is_null()) return std::nullopt;
+  return std::strtoll(json.get_ref<const std::string&>().c_str(), nullptr, 10);
+}
+
+inline MapReference map_of(const Json& json) {
+  return {json.at("name"), json.at("version"), json.at("digest")};
+}
+
+inline std::string text_or_empty(const Json& json, const char* key) {
+  const auto found = json.find(key);
+  return found == json.end() || found->is_null() ? std::string() : found->get<std::string>();
+}
+
+inline PoseAnswer answer_of(const Json& json) {
+  PoseAnswer answer;
+  answer.status = json.at("status");
+  answer.reasons = json.at("reasons").get<std::vector<std::string>>();
+  answer.pose = optional_pose_of(json.at("pose"));
+  if (const auto base = json.find("T_map_base"); base != json.end())
+    answer.T_map_base = optional_pose_of(*base);
+  answer.covariance = optional_of<Covariance>(json.at("covariance"));
+  answer.covariance_order = json.at("covariance_order").get<std::vector<std::string>>();
+  const Json& bounds = json.at("protection");
+  answer.protection = {
+      optional_of<double>(bounds.at("longitudinal_m")), optional_of<double>(bounds.at("lateral_m")),
+      optional_of<double>(bounds.at("vertical_m")), optional_of<double>(bounds.at("yaw_rad"))};
+  answer.inlier_ratio = json.at("inlier_ratio");
+  answer.rmse_m = json.at("rmse_m");
+  answer.movable_points = json.at("movable_points");
+  answer.degenerate_directions =
+      json.at("degenerate_directions").get<std::vector<std::array<double, 6>>>();
+  if (const Json& offset = json.at("prior_to_pose"); !offset.is_null())
+    answer.prior_to_pose = Offset{offset.at("m"), offset.at("rad")};
+  answer.iterations = json.at("iterations");
+  answer.map = map_of(json.at("map"));
+  answer.stamp_ns = stamp_of(json.at("stamp_ns"));
+  const Json& timing = json.at("timing_ms");
+  answer.timing = {timing.at("wait"), timing.at("decode"), timing.at("align"), timing.at("total")};
+  for (const Json& each : json.at("warnings"))
+    answer.warnings.push_back({each.at("code"), each.at("ahead_s")});
+  answer.request_id = json.at("request_id");
+  answer.session = text_or_empty(json, "session");
+  answer.searched_from = text_or_empty(json, "searched_from");
+  answer.json = json;
+  return answer;
+}
+
+inline SessionInfo session_of(const Json& json) {
+  SessionInfo info;
+  info.id = text_or_empty(json, "id");
+  info.label = json.at("label");
+  info.map = map_of(json.at("map"));
+  info.active_version = json.at("active_version");
+  info.scans = json.at("scans");
+  info.status = text_or_empty(json, "status");
+  info.reasons = json.at("reasons").get<std::vector<std::string>>();
+  info.stamp_ns = stamp_of(json.at("stamp_ns"));
+  info.pose = optional_pose_of(json.at("pose"));
+  info.pose_stamp_ns = stamp_of(json.at("pose_stamp_ns"));
+  info.covariance = optional_of<Covariance>(json.at("covariance"));
+  info.covariance_order = json.at("covariance_order").get<std::vector<std::string>>();
+  info.inlier_ratio = optional_of<double>(json.at("inlier_ratio"));
+  info.idle_s = json.at("idle_s");
+  info.idle_limit_s = json.at("idle_limit_s");
+  info.key_id = text_or_empty(json, "key_id");
+  info.key_name = text_or_empty(json, "key_name");
+  return info;
+}
+
+/// The number after `name=` in the parameters of a frame.
+inline double frame_parameter(const std::string& parameters, const std::string& name) {
+  const std::size_t at = ("&" + parameters).find("&" + name + "=");
+  if (at == std::string::npos) return std::nan("");
+  return std::strtod(parameters.c_str() + at + name.size() + 1, nullptr);
+}
+
+/// What Advanced has over Basic-Quaternion is the time.
+inline constexpr const char* kGeoPose = "application/geopose+json; version=1.0; profile=advanced";
+
+inline GeoPose geopose_of(const Json& json, const httplib::Response& response) {
+  GeoPose pose;
+  pose.status = response.get_header_value("Stillmap-Status");
+  const std::string reasons = response.get_header_value("Stillmap-Reasons");
+  for (std::size_t begin = 0; begin < reasons.size();) {
+    const std::size_t end = std::min(reasons.find(", ", begin), reasons.size());
+    pose.reasons.push_back(reasons.substr(begin, end - begin));
+    begin = end + 2;
+  }
+  const std::string parameters = json.at("frameSpecification").at("parameters");
+  pose.latitude_deg = frame_parameter(parameters, "latitude");
+  pose.longitude_deg = frame_parameter(parameters, "longitude");
+  pose.height_m = frame_parameter(parameters, "height");
+  const Json& q = json.at("quaternion");
+  pose.quaternion = {q.at("x"), q.at("y"), q.at("z"), q.at("w")};
+  if (json.contains("validTime")) pose.valid_time_ms = json.at("validTime").get<std::int64_t>();
+  return pose;
+}
+
+/// Lines of an event stream (WHATWG HTML, 9.2.6, as far as this server uses it).
+class EventReader {
+ public:
+  /// @return false once `on_event` did.
+  bool read(const char* data, std::size_t size, const std::function<bool(const Event&)>& on_event) {
+    buffer_.append(data, size);
+    std::size_t begin = 0;
+    for (std::size_t end; (end = buffer_.find('\n', begin)) != std::string::npos; begin = end + 1) {
+      if (!line(buffer_.substr(begin, end - begin), on_event)) return false;
+    }
+    buffer_.erase(0, begin);
+    return true;
+  }
+
+ private:
+  bool line(std::string text, const std::function<bool(const Event&)>& on_event) {
+    if (!text.empty() && text.back() == '\r') text.pop_back();
+    if (text.empty()) {
+      const bool complete = !data_.empty();
+      Event event = std::exchange(event_, {});
+      if (!complete) return true;
+      event.data = nlohmann::json::parse(std::exchange(data_, {}), nullptr, false);
+      return on_event(event);
+    }
+    const std::size_t colon = std::min(text.find(':'), text.size());
+    std::size_t at = std::min(colon + 1, text.size());
+    if (at < text.size() && text[at] == ' ') ++at;
+    const std::string name = text.substr(0, colon);
+    if (name == "id") event_.id = std::strtoll(text.c_str() + at, nullptr, 10);
+    if (name == "event") event_.type = text.substr(at);
+    if (name == "data") data_ += (data_.empty() ? "" : "\n") + text.substr(at);
+    return true;
+  }
+
+  std::string buffer_;
+  std::string data_;
+  Event event_;
+};
+
+}  // namespace detail
+
 /// One connection to one server: a client a thread.
 class Client {
  public:
@@ -99,118 +510,405 @@ class Client {
   /// connection was lost.
   explicit Client(const std::string& url, const std::string& key = {},
                   std::chrono::seconds timeout = std::chrono::seconds(30), int retries = 4)
-      : http_(url), retries_(retries) {
+      : http_(url), timeout_(timeout), retries_(retries) {
     if (!http_.is_valid()) throw std::invalid_argument("url: found '" + url + "'");
     // Each kept connection holds a thread of the server, which ends it after 2 s anyway.
     http_.set_keep_alive(false);
     http_.set_tcp_nodelay(true);
     http_.set_connection_timeout(timeout);
-    http_.set_read_timeout(timeout);
     http_.set_write_timeout(timeout);
     if (!key.empty()) http_.set_bearer_token_auth(key);
   }
 
-  /// @param points  x y z [m] of each point in the lidar frame, intensity, and its time relative to
-  /// the scan's stamp [s], as `layout` has them: xyz, xyzi or xyzit.
-  /// @param prior  nothing = anywhere in the map. @throws Problem, ConnectionLost.
-  PoseAnswer localize(const std::string& map, std::span<const float> points,
-                      const std::optional<Prior>& prior = {}, const std::string& layout = "xyzi") {
-    httplib::Params query = {{"layout", layout}};
-    if (prior) {
-      query.emplace("prior_t", joined(prior->pose.position));
-      query.emplace("prior_q", joined(prior->pose.quaternion));
-      query.emplace("prior_sigma", joined(std::array{prior->sigma_m, prior->sigma_rad}));
+  /// Where a scan was taken; the status is `lost` when that cannot be said.
+  /// @throws Problem, ConnectionLost.
+  PoseAnswer localize(const std::string& map, const Points& points, const Query& query = {}) {
+    return read<PoseAnswer>(send_query(map, points, query, nullptr), detail::answer_of);
+  }
+
+  /// The same as OGC GeoPose, for maps with a place on the Earth. @throws Problem `NoPose` when the
+  /// scan is lost and `NotAcceptable` when the map has no place, ConnectionLost.
+  GeoPose localize_geopose(const std::string& map, const Points& points, const Query& query = {}) {
+    return read<GeoPose>(send_query(map, points, query, detail::kGeoPose), detail::geopose_of);
+  }
+
+  /// A scan of a batch.
+  struct BatchItem {
+    Points points;
+    /// Version and deadline are the batch's.
+    Query query{};
+  };
+  /// What one was answered with: a pose, or why it was refused.
+  struct BatchAnswer {
+    std::optional<PoseAnswer> answer;
+    std::optional<Problem> problem;
+  };
+  /// Several scans in one request, answered in their order. @param version  empty = the active one.
+  std::vector<BatchAnswer> localize_batch(const std::string& map,
+                                          const std::vector<BatchItem>& items,
+                                          const std::string& version = {},
+                                          std::optional<std::chrono::milliseconds> deadline = {}) {
+    nlohmann::json request = {{"queries", nlohmann::json::array()}};
+    std::vector<Points> scans;
+    for (const BatchItem& item : items) {
+      nlohmann::json query = detail::to_json(item.query);
+      query["layout"] = item.points.layout;
+      request["queries"].push_back(std::move(query));
+      scans.push_back(item.points);
     }
-    return read<PoseAnswer>(post_scan("/v1/maps/" + map + "/localize", query, points, true),
-                            pose_of);
+    if (deadline) request["deadline_ms"] = deadline->count();
+    const Body body = multipart(request, scans, "scan-");
+    const auto answers_of = [](const nlohmann::json& json) {
+      std::vector<BatchAnswer> answers;
+      for (const nlohmann::json& each : json.at("answers")) {
+        BatchAnswer& answer = answers.emplace_back();
+        if (each.at("status") == 200) {
+          answer.answer = detail::answer_of(each.at("answer"));
+        } else {
+          answer.problem = Problem(each.at("status"), each.at("problem").at("code"),
+                                   each.at("problem").at("detail"), std::nullopt);
+        }
+      }
+      return answers;
+    };
+    return read<std::vector<BatchAnswer>>(
+        post({place_of(map, version) + "/localize/batch", body, nullptr, true, {}, deadline}),
+        answers_of);
   }
 
   /// @return the session's id.
-  std::string open_session(const std::string& map, const std::optional<Prior>& prior = {},
-                           std::optional<int> retries = {}) {
-    nlohmann::json wanted = {{"map", map}};
-    if (prior) {
-      std::array<double, 36> covariance{};
-      for (std::size_t i = 0; i < 6; ++i)
-        covariance[7 * i] = std::pow(i < 3 ? prior->sigma_m : prior->sigma_rad, 2);
-      wanted["prior"] = {{"position", prior->pose.position},
-                         {"quaternion", prior->pose.quaternion},
-                         {"covariance", covariance}};
-    }
-    const std::string body = wanted.dump();
-    const auto send = [&] { return http_.Post("/v1/sessions", body, "application/json"); };
-    return read<std::string>(call(send, false, retries.value_or(retries_)),
-                             [](const nlohmann::json& json) { return json.at("id"); });
+  std::string open_session(const std::string& map, const SessionOptions& options = {}) {
+    nlohmann::json wanted = place_in(options.prior, options.gnss);
+    wanted["map"] = map;
+    if (!options.version.empty()) wanted["version"] = options.version;
+    if (!options.label.empty()) wanted["label"] = options.label;
+    return read<std::string>(
+        post(
+            {"/v1/sessions", {wanted.dump(), "application/json"}, nullptr, false, options.retries}),
+        [](const nlohmann::json& json) { return json.at("id").get<std::string>(); });
   }
 
   /// The next scan of a session. Not sent again when the connection is lost: it may have counted.
   /// @throws Problem `Superseded` when a newer one, or `initialize`, came meanwhile.
-  PoseAnswer track(const std::string& session, std::span<const float> points, std::int64_t stamp_ns,
-                   std::optional<int> retries = {}, const std::string& layout = "xyzi") {
-    const httplib::Params query = {{"stamp_ns", std::to_string(stamp_ns)}, {"layout", layout}};
-    return read<PoseAnswer>(
-        post_scan("/v1/sessions/" + session + "/scans", query, points, false, retries), pose_of);
+  PoseAnswer track(const std::string& session, const Points& points, std::int64_t stamp_ns,
+                   const ScanOptions& options = {}) {
+    return read<PoseAnswer>(send_scan(session, points, stamp_ns, options, nullptr),
+                            detail::answer_of);
+  }
+
+  /// The same as OGC GeoPose. @throws as `localize_geopose`.
+  GeoPose track_geopose(const std::string& session, const Points& points, std::int64_t stamp_ns,
+                        const ScanOptions& options = {}) {
+    return read<GeoPose>(send_scan(session, points, stamp_ns, options, detail::kGeoPose),
+                         detail::geopose_of);
+  }
+
+  /// Forgets where the vehicle was. Neither prior nor gnss = it may be anywhere.
+  SessionInfo initialize(const std::string& session, const std::optional<Prior>& prior = {},
+                         const std::optional<Gnss>& gnss = {}) {
+    return read<SessionInfo>(post({"/v1/sessions/" + session + "/initialize",
+                                   {place_in(prior, gnss).dump(), "application/json"}}),
+                             detail::session_of);
+  }
+
+  SessionInfo session(const std::string& session) {
+    return read<SessionInfo>(get("/v1/sessions/" + session), detail::session_of);
+  }
+
+  /// Those of the key; of all keys with the scope admin. @param map  empty = of all maps.
+  std::vector<SessionInfo> sessions(const std::string& map = {}) {
+    httplib::Params query;
+    if (!map.empty()) query.emplace("map", map);
+    return read<std::vector<SessionInfo>>(get(httplib::append_query_params("/v1/sessions", query)),
+                                          [](const nlohmann::json& json) {
+                                            std::vector<SessionInfo> all;
+                                            for (const nlohmann::json& each : json.at("sessions"))
+                                              all.push_back(detail::session_of(each));
+                                            return all;
+                                          });
+  }
+
+  /// Gives each event to `on_event` until it returns false, or the session is closed. Goes on with
+  /// the next event after a lost connection. Keeps the client busy: give it one of its own.
+  /// @param last_id  go on after this event. @throws Problem, ConnectionLost after the retries.
+  void events(const std::string& session, const std::function<bool(const Event&)>& on_event,
+              std::optional<std::int64_t> last_id = {}) {
+    bool more = true;
+    const auto take = [&](const Event& event) {
+      if (event.id) last_id = event.id;
+      more = on_event(event) && event.type != "closed";
+      return more;
+    };
+    // The server sends a comment every 15 s.
+    be_patient(std::chrono::seconds(40));
+    int tries = 0;
+    while (more) {
+      httplib::Headers headers = {{"Accept", "text/event-stream"}};
+      if (last_id) headers.emplace("Last-Event-ID", std::to_string(*last_id));
+      detail::EventReader reader;
+      const httplib::Response response = stream("/v1/sessions/" + session + "/events", headers,
+                                                [&](const char* data, std::size_t size) {
+                                                  tries = 0;
+                                                  return reader.read(data, size, take);
+                                                });
+      if (response.status == 204 || !more) return;
+      if (response.status >= 300) {
+        const Problem problem = problem_of(response);
+        if (++tries > retries_ || !is_passing(problem)) throw problem;
+        std::this_thread::sleep_for(wait_time(tries, &problem));
+      } else if (++tries > retries_) {
+        throw ConnectionLost("events of a session: no connection that holds");
+      } else {
+        std::this_thread::sleep_for(wait_time(tries, nullptr));
+      }
+    }
+  }
+
+  /// Writes a map package's tar to `path`; after a lost connection it goes on where it ended.
+  /// @return its bytes. @throws Problem, ConnectionLost, Error when the file cannot be written.
+  std::uint64_t download_version(const std::string& map, const std::string& version,
+                                 const std::string& path) {
+    const std::string part = path + ".part";
+    std::uint64_t size = 0;
+    std::string etag;
+    std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(part.c_str(), "wb"),
+                                                         &std::fclose);
+    if (!file) throw Error(part + ": cannot be written");
+    be_patient(std::chrono::milliseconds(0));
+    for (int tries = 0;;) {
+      httplib::Headers headers;
+      if (size > 0) {
+        headers.emplace("Range", "bytes=" + std::to_string(size) + "-");
+        headers.emplace("If-Range", etag);
+      }
+      bool written = true;
+      const httplib::Response response = stream(
+          place_of(map, version) + "/content", headers,
+          [&](const char* data, std::size_t count) {
+            written = std::fwrite(data, 1, count, file.get()) == count;
+            size += written ? count : 0;
+            return written;
+          },
+          [&](const httplib::Response& begun) {
+            // Another package than before, or no range: from the start.
+            if (begun.status == 200 && size > 0) {
+              std::rewind(file.get());
+              size = 0;
+            }
+            etag = begun.get_header_value("ETag");
+          });
+      if (!written) throw Error(part + ": cannot be written, is the disk full?");
+      if (response.status == 200 || response.status == 206) break;
+      std::optional<Problem> problem;
+      if (response.status > 0) problem = problem_of(response);
+      if (++tries > retries_ || (problem && !is_passing(*problem))) {
+        if (problem) throw *problem;
+        throw ConnectionLost("download of " + map + " " + version + ": the connection was lost");
+      }
+      std::this_thread::sleep_for(wait_time(tries, problem ? &*problem : nullptr));
+    }
+    if (std::fclose(file.release()) != 0 || std::rename(part.c_str(), path.c_str()) != 0)
+      throw Error(path + ": cannot be written");
+    return size;
   }
 
   /// Also when it has ended already, or the server cannot be reached: it expires by itself.
   void close_session(const std::string& session) { http_.Delete("/v1/sessions/" + session); }
 
  private:
+  static std::string text_of(double value) { return nlohmann::json(value).dump(); }
+
   template <std::size_t kCount>
   static std::string joined(const std::array<double, kCount>& values) {
     std::string text;
-    for (const double value : values)
-      text += (text.empty() ? "" : ",") + nlohmann::json(value).dump();
+    for (const double value : values) text += (text.empty() ? "" : ",") + text_of(value);
     return text;
+  }
+
+  struct Body {
+    std::string bytes;
+    std::string type;
+  };
+
+  struct Request {
+    std::string target;
+    Body body;
+    /// Null = whatever.
+    const char* accept = nullptr;
+    /// Whether it may be sent again after a lost connection.
+    bool again = true;
+    /// Instead of the client's.
+    std::optional<int> retries{};
+    std::optional<std::chrono::milliseconds> deadline{};
+  };
+
+  static std::string place_of(const std::string& map, const std::string& version) {
+    return "/v1/maps/" + map + (version.empty() ? "" : "/versions/" + version);
+  }
+
+  static nlohmann::json place_in(const std::optional<Prior>& prior,
+                                 const std::optional<Gnss>& gnss) {
+    nlohmann::json json = nlohmann::json::object();
+    if (prior) json["prior"] = detail::to_json(*prior);
+    if (gnss) json["gnss"] = detail::to_json(*gnss);
+    return json;
   }
 
   /// What another program has answered, such as a proxy, is a Problem as well.
   template <typename Value, typename Read>
-  static Value read(const nlohmann::json& json, const Read& read_value) {
+  static Value read(const httplib::Response& response, const Read& read_value) {
+    const nlohmann::json json = nlohmann::json::parse(response.body, nullptr, false);
+    if (json.is_discarded())
+      throw Problem(response.status, "", found(response, "application/json"), std::nullopt);
     try {
-      return read_value(json);
+      if constexpr (std::is_invocable_v<Read, const nlohmann::json&>) {
+        return read_value(json);
+      } else {
+        return read_value(json, response);
+      }
     } catch (const nlohmann::json::exception& error) {
-      throw Problem(200, "", std::string("found another answer than expected: ") + error.what(),
+      throw Problem(response.status, "",
+                    std::string("found another answer than expected: ") + error.what(),
                     std::nullopt);
     }
   }
 
-  static PoseAnswer pose_of(const nlohmann::json& json) {
-    PoseAnswer answer;
-    answer.status = json.at("status");
-    answer.reasons = json.at("reasons");
-    if (const auto& pose = json.at("pose"); !pose.is_null())
-      answer.pose = Pose{pose.at("position"), pose.at("quaternion")};
-    if (const auto& covariance = json.at("covariance"); !covariance.is_null())
-      answer.covariance = covariance.get<std::array<double, 36>>();
-    answer.inlier_ratio = json.at("inlier_ratio");
-    answer.map_version = json.at("map").at("version");
-    answer.request_id = json.at("request_id");
-    answer.json = json;
-    return answer;
+  /// The server reads little-endian floats, as every machine that has a lidar writes them.
+  static std::string bytes_of(const Points& points) {
+    return {reinterpret_cast<const char*>(points.data), points.floats * sizeof(float)};
   }
 
-  nlohmann::json post_scan(const std::string& path, const httplib::Params& query,
-                           std::span<const float> points, bool again,
-                           std::optional<int> retries = {}) {
-    // The server reads little-endian floats, as every machine that has a lidar writes them.
-    const auto* const bytes = reinterpret_cast<const char*>(points.data());
-    const std::string target = httplib::append_query_params(path, query);
-    const auto send = [&] {
-      return http_.Post(target, bytes, points.size_bytes(), "application/octet-stream");
+  /// @param name  of the parts of the scans: `scan`, or `scan-` with their numbers behind it.
+  static Body multipart(const nlohmann::json& request, const std::vector<Points>& scans,
+                        const std::string& name) {
+    // The server looks for it at the start of a line only, and floats are what they are.
+    const std::string boundary = "stillmap-" + std::to_string(std::random_device{}()) + "-" +
+                                 std::to_string(std::random_device{}());
+    const auto head = [&](const std::string& part, const char* type) {
+      return "--" + boundary + "\r\nContent-Disposition: form-data; name=\"" + part +
+             "\"\r\nContent-Type: " + type + "\r\n\r\n";
     };
-    return call(send, again, retries.value_or(retries_));
+    Body body{head("request", "application/json") + request.dump() + "\r\n",
+              "multipart/form-data; boundary=" + boundary};
+    for (std::size_t i = 0; i < scans.size(); ++i) {
+      const bool numbered = !name.empty() && name.back() == '-';
+      body.bytes += head(numbered ? name + std::to_string(i) : name, "application/octet-stream");
+      body.bytes.append(reinterpret_cast<const char*>(scans[i].data),
+                        scans[i].floats * sizeof(float));
+      body.bytes += "\r\n";
+    }
+    body.bytes += "--" + boundary + "--\r\n";
+    return body;
+  }
+
+  /// Flat while it can be, since the server then knows all before the body.
+  httplib::Response send_query(const std::string& map, const Points& points, const Query& query,
+                               const char* accept) {
+    const std::string path = place_of(map, query.version) + "/localize";
+    if (query.T_base_lidar || !query.movable.empty() || (query.prior && query.prior->covariance)) {
+      nlohmann::json request = detail::to_json(query);
+      if (query.deadline) request["deadline_ms"] = query.deadline->count();
+      request["layout"] = points.layout;
+      return post({path, multipart(request, {points}, "scan"), accept, true, {}, query.deadline});
+    }
+    httplib::Params flat = {{"layout", points.layout}};
+    if (query.prior) {
+      flat.emplace("prior_t", joined(query.prior->pose.position));
+      flat.emplace("prior_q", joined(query.prior->pose.quaternion));
+      flat.emplace("prior_sigma",
+                   joined(std::array<double, 2>{query.prior->sigma_m, query.prior->sigma_rad}));
+    }
+    if (const auto& gnss = query.gnss) {
+      const std::string altitude = gnss->altitude_m ? text_of(*gnss->altitude_m) : std::string();
+      flat.emplace("gnss", joined(std::array<double, 2>{gnss->latitude_deg, gnss->longitude_deg}) +
+                               "," + altitude + "," + text_of(gnss->sigma_m));
+    }
+    if (query.stamp_ns) flat.emplace("stamp_ns", std::to_string(*query.stamp_ns));
+    if (!query.method.empty()) flat.emplace("method", query.method);
+    if (query.deadline) flat.emplace("deadline_ms", std::to_string(query.deadline->count()));
+    return post({httplib::append_query_params(path, flat),
+                 {bytes_of(points), "application/octet-stream"},
+                 accept,
+                 true,
+                 {},
+                 query.deadline});
+  }
+
+  httplib::Response send_scan(const std::string& session, const Points& points,
+                              std::int64_t stamp_ns, const ScanOptions& options,
+                              const char* accept) {
+    const std::string path = "/v1/sessions/" + session + "/scans";
+    if (options.odometry || options.T_base_lidar || !options.movable.empty()) {
+      nlohmann::json request = detail::to_json(options, stamp_ns);
+      request["layout"] = points.layout;
+      return post({path, multipart(request, {points}, "scan"), accept, false, options.retries,
+                   options.deadline});
+    }
+    httplib::Params flat = {{"stamp_ns", std::to_string(stamp_ns)}, {"layout", points.layout}};
+    if (options.deadline) flat.emplace("deadline_ms", std::to_string(options.deadline->count()));
+    return post({httplib::append_query_params(path, flat),
+                 {bytes_of(points), "application/octet-stream"},
+                 accept,
+                 false,
+                 options.retries,
+                 options.deadline});
+  }
+
+  httplib::Response post(const Request& request) {
+    httplib::Headers headers;
+    if (request.accept != nullptr) headers.emplace("Accept", request.accept);
+    be_patient(request.deadline.value_or(std::chrono::milliseconds(0)));
+    const auto send = [&] {
+      return http_.Post(request.target, headers, request.body.bytes, request.body.type);
+    };
+    return call(send, request.again, request.retries.value_or(retries_));
+  }
+
+  /// Bears the usual silence, and longer where the server may be silent on purpose.
+  void be_patient(std::chrono::milliseconds silence) {
+    constexpr std::chrono::seconds kMargin(5);
+    http_.set_read_timeout(std::max<std::chrono::milliseconds>(
+        timeout_, silence + std::chrono::milliseconds(kMargin)));
+  }
+
+  httplib::Response get(const std::string& target) {
+    be_patient(std::chrono::milliseconds(0));
+    return call([&] { return http_.Get(target); }, true, retries_);
+  }
+
+  /// Gives the body of a 2xx to `take` as it comes. @return the answer's head, the body of a
+  /// refusal included; the status 0 when the connection was lost, or `take` said no more.
+  httplib::Response stream(
+      const std::string& target, const httplib::Headers& headers,
+      const std::function<bool(const char*, std::size_t)>& take,
+      const std::function<void(const httplib::Response&)>& begin = [](const auto&) {}) {
+    httplib::Response head;
+    const auto begun = [&](const httplib::Response& response) {
+      head.status = response.status;
+      head.headers = response.headers;
+      if (response.status < 300) begin(response);
+      return true;
+    };
+    const auto receive = [&](const char* data, std::size_t size) {
+      if (head.status < 300) return take(data, size);
+      constexpr std::size_t kMostProblemBytes = 1U << 16U;
+      head.body.append(data, std::min(size, kMostProblemBytes - head.body.size()));
+      return head.body.size() < kMostProblemBytes;
+    };
+    const httplib::Result result = http_.Get(target, headers, begun, receive);
+    if (!result && head.status < 300) head.status = 0;
+    return head;
   }
 
   /// @param again  whether it may be sent again after a lost connection.
   template <typename Send>
-  nlohmann::json call(const Send& send, bool again, int retries) {
+  httplib::Response call(const Send& send, bool again, int retries) {
     for (int tries = 1;; ++tries) {
-      const httplib::Result result = send();
+      httplib::Result result = send();
       std::optional<Problem> problem;
       if (result) {
         // Redirections are not followed.
-        if (result->status >= 200 && result->status < 300) return json_of(*result);
+        if (result->status >= 200 && result->status < 300) return std::move(*result);
         problem = problem_of(*result);
         if (tries > retries || !is_passing(*problem)) throw *problem;
       } else if (tries > retries || !(again || result.error() == httplib::Error::Connection)) {
@@ -218,13 +916,6 @@ class Client {
       }
       std::this_thread::sleep_for(wait_time(tries, problem ? &*problem : nullptr));
     }
-  }
-
-  static nlohmann::json json_of(const httplib::Response& response) {
-    nlohmann::json body = nlohmann::json::parse(response.body, nullptr, false);
-    if (body.is_discarded())
-      throw Problem(response.status, "", found(response, "application/json"), std::nullopt);
-    return body;
   }
 
   static std::string found(const httplib::Response& response, const std::string& expected) {
@@ -247,6 +938,7 @@ class Client {
   }
 
   httplib::Client http_;
+  std::chrono::milliseconds timeout_;
   int retries_;
 };
 
@@ -260,6 +952,8 @@ class SessionStream {
     std::vector<float> points;
     /// What each point has, a float a letter: xyz, xyzi or xyzit.
     std::string layout = "xyzi";
+    std::optional<Odometry> odometry{};
+    std::vector<MovableBox> movable{};
   };
   struct Counts {
     std::uint64_t answered = 0;
@@ -272,27 +966,34 @@ class SessionStream {
 
   /// @param on_answer  told in the sending thread, as `on_error` is; neither may throw.
   /// @param on_error  told of each scan without a pose, whatever the reason.
+  /// @param session  how the first one starts; later ones search everywhere.
+  /// @param scans  of all scans: mount and deadline; its odometry and boxes are not looked at.
   SessionStream(Client client, std::string map, OnAnswer on_answer, OnError on_error,
-                std::optional<Prior> prior = {})
+                SessionOptions session = {}, ScanOptions scans = {})
       : client_(std::move(client)),
         map_(std::move(map)),
         on_answer_(std::move(on_answer)),
         on_error_(std::move(on_error)),
-        prior_(std::move(prior)),
-        thread_([this](const std::stop_token& stop) { work(stop); }) {}
+        opening_(std::move(session)),
+        scans_(std::move(scans)),
+        thread_([this] { work(); }) {}
   SessionStream(const SessionStream&) = delete;
   SessionStream& operator=(const SessionStream&) = delete;
   /// Drops what waits, waits for what is under way, ends the session.
-  ~SessionStream() = default;
+  ~SessionStream() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      stopping_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
 
   /// Takes the place of a scan that waits. @throws std::invalid_argument for what is no scan.
   void put(Scan scan) {
-    if (scan.layout.empty() || scan.points.size() % scan.layout.size() != 0)
-      throw std::invalid_argument("scan: found " + std::to_string(scan.points.size()) +
-                                  " floats, expected a multiple of those of layout '" +
-                                  scan.layout + "'");
+    static_cast<void>(Points(scan.points, scan.layout));
     {
-      const std::scoped_lock lock(mutex_);
+      const std::lock_guard<std::mutex> lock(mutex_);
       counts_.superseded += waiting_ ? 1 : 0;
       waiting_ = std::move(scan);
     }
@@ -301,21 +1002,22 @@ class SessionStream {
 
   /// Waits until nothing waits or is under way. @return whether that came in time.
   bool drain(std::chrono::milliseconds most) {
-    std::unique_lock lock(mutex_);
+    std::unique_lock<std::mutex> lock(mutex_);
     return changed_.wait_for(lock, most, [this] { return !waiting_ && !busy_; });
   }
 
   [[nodiscard]] Counts counts() const {
-    const std::scoped_lock lock(mutex_);
+    const std::lock_guard<std::mutex> lock(mutex_);
     return counts_;
   }
 
  private:
-  void work(const std::stop_token& stop) {
+  void work() {
     int tries = 0;
-    std::unique_lock lock(mutex_);
-    while (changed_.wait(lock, stop, [this] { return waiting_.has_value(); })) {
-      if (stop.stop_requested()) break;
+    std::unique_lock<std::mutex> lock(mutex_);
+    while (true) {
+      changed_.wait(lock, [this] { return waiting_.has_value() || stopping_; });
+      if (stopping_) break;
       Scan scan = std::move(*waiting_);
       waiting_.reset();
       busy_ = true;
@@ -324,7 +1026,7 @@ class SessionStream {
       lock.lock();
       tries = pause ? tries + 1 : 0;
       if (pause) {
-        changed_.wait_for(lock, stop, *pause, [] { return false; });
+        changed_.wait_for(lock, *pause, [this] { return stopping_; });
         if (!waiting_) waiting_ = std::move(scan);
       }
       busy_ = false;
@@ -339,13 +1041,17 @@ class SessionStream {
     PoseAnswer answer;
     try {
       if (session_.empty()) open();
-      answer = client_.track(session_, scan.points, scan.stamp_ns, 0, scan.layout);
+      ScanOptions options = scans_;
+      options.odometry = scan.odometry;
+      options.movable = scan.movable;
+      options.retries = 0;
+      answer = client_.track(session_, Points(scan.points, scan.layout), scan.stamp_ns, options);
     } catch (const Problem& problem) {
       const bool gone = problem.code == "UnknownSession";
       if (gone) session_.clear();
       failed(scan, problem);
-      return gone || is_passing(problem) ? std::optional(wait_time(tries + 1, &problem))
-                                         : std::nullopt;
+      if (!gone && !is_passing(problem)) return std::nullopt;
+      return wait_time(tries + 1, &problem);
     } catch (const Error& error) {
       failed(scan, error);
       return wait_time(tries + 1, nullptr);
@@ -361,8 +1067,11 @@ class SessionStream {
 
   void open() {
     // Not tried again here: meanwhile a newer scan may have come, and the stream may have ended.
-    session_ = client_.open_session(map_, prior_, 0);
-    prior_.reset();  // where it was at first says nothing of a later session
+    opening_.retries = 0;
+    session_ = client_.open_session(map_, opening_);
+    // Where it was at first says nothing of a later session.
+    opening_.prior.reset();
+    opening_.gnss.reset();
     count(&Counts::sessions);
   }
   void failed(const Scan& scan, const Error& error) {
@@ -370,7 +1079,7 @@ class SessionStream {
     on_error_(scan.stamp_ns, error);
   }
   void count(std::uint64_t Counts::*which) {
-    const std::scoped_lock lock(mutex_);
+    const std::lock_guard<std::mutex> lock(mutex_);
     ++(counts_.*which);
   }
 
@@ -378,14 +1087,16 @@ class SessionStream {
   std::string map_;
   OnAnswer on_answer_;
   OnError on_error_;
-  std::optional<Prior> prior_;
+  SessionOptions opening_;
+  ScanOptions scans_;
   std::string session_;  // of the sending thread
   mutable std::mutex mutex_;
-  std::condition_variable_any changed_;
+  std::condition_variable changed_;
   std::optional<Scan> waiting_;
   bool busy_ = false;
+  bool stopping_ = false;
   Counts counts_;
-  std::jthread thread_;  // last: it uses all of the above
+  std::thread thread_;  // last: it uses all of the above
 };
 
 }  // namespace stillmap::client

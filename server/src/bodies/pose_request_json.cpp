@@ -119,10 +119,12 @@ localization::OdometryStep read_odometry(const RequestJson& step) {
     throw field_error(ErrorCode::kInvalidRequest, "odometry.since_ns", "nothing",
                       "a decimal 64-bit integer");
   }
+  const Eigen::Isometry3d T_since_lidar = read_pose(step, ErrorCode::kInvalidOdometry, "odometry");
   return {.since_ns = read_integer_key(*since, "odometry.since_ns"),
-          .T_since_lidar = read_pose(step, ErrorCode::kInvalidOdometry, "odometry"),
-          .covariance = checked_covariance(read_numbers<36>(step, "covariance", "odometry"),
-                                           "odometry.covariance", ErrorCode::kInvalidOdometry)};
+          .T_since_lidar = T_since_lidar,
+          .covariance = checked_odometry_covariance(
+              read_numbers<36>(step, "covariance", "odometry"), T_since_lidar.translation().norm(),
+              "odometry.covariance")};
 }
 
 std::string read_text(const RequestJson& value, const char* key) {

@@ -7,6 +7,7 @@
 #include "json/problem_json.hpp"
 #include "pose/pose_checks.hpp"
 #include "pose_handling.hpp"
+#include "pose_response.hpp"
 
 #include <fmt/format.h>
 
@@ -132,6 +133,7 @@ void answer_queries(const Context& context, const BatchTurn& turn, Batch& batch)
 HttpResponse answer_batch(const Context& context, const HttpRequest& request,
                           const PathParameters& path) {
   const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
+  require_json_taken(request);
   const std::string type = media_type(request.header("content-type"));
   const bool is_json = type == "application/json";
   if (!is_json && type != "multipart/form-data") {

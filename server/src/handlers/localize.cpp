@@ -1,7 +1,7 @@
-#include "bodies/answers_json.hpp"
 #include "errors/api_error.hpp"
 #include "handlers/scan_in_request.hpp"
 #include "pose_handling.hpp"
+#include "pose_response.hpp"
 
 #include <algorithm>
 #include <string_view>
@@ -42,6 +42,7 @@ void align(const Context& context, const ServedVersion& map, PoseRequest& reques
 HttpResponse answer_localize(const Context& context, const HttpRequest& request,
                              const PathParameters& path) {
   const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
+  const PoseForms forms = pose_forms(request, map);
   ScanInBody found = find_scan(request, context.options, ScanPurpose::kQuery);
   // What can be refused is refused before it waits.
   static_cast<void>(choose_aligner(*map.aligners, found.parameters.method));
@@ -66,7 +67,7 @@ HttpResponse answer_localize(const Context& context, const HttpRequest& request,
   }
   check_deadline(deadline);
   finish_answer(context, request, answer);
-  return json_response(pose_answer_json(answer));
+  return pose_response(answer, forms, map);
 }
 
 }  // namespace

@@ -1,10 +1,10 @@
-#include "bodies/answers_json.hpp"
 #include "bodies/pose_request_json.hpp"
 #include "bodies/session_json.hpp"
 #include "errors/api_error.hpp"
 #include "handlers/scan_in_request.hpp"
 #include "page_query.hpp"
 #include "pose_handling.hpp"
+#include "pose_response.hpp"
 #include "security/map_limits.hpp"
 
 #include <fmt/format.h>
@@ -116,6 +116,7 @@ AlignmentQueue::Ticket enter(const Context& context, const HttpRequest& request,
 HttpResponse track_scan(const Context& context, const HttpRequest& request,
                         const std::shared_ptr<Session>& session) {
   SessionStream::note_version(*session, context.catalog);
+  const PoseForms forms = pose_forms(request, session->map());
   ScanInBody found = find_scan(request, context.options, ScanPurpose::kSession);
   if (!found.parameters.stamp_ns) {
     throw field_error(ErrorCode::kInvalidRequest, "stamp_ns", "nothing",
@@ -155,7 +156,7 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
   count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
   finish_answer(context, request, answer);
-  return json_response(pose_answer_json(answer));
+  return pose_response(answer, forms, session->map());
 }
 
 HttpResponse stream_events(const Context& context, const HttpRequest& request,

@@ -1,6 +1,8 @@
 #include "http/header_text.hpp"
 
 #include <algorithm>
+#include <charconv>
+#include <system_error>
 
 namespace stillmap::server {
 
@@ -47,13 +49,22 @@ std::string parameter_of(std::string_view header, std::string_view name) {
   return {};
 }
 
+double weight_of(std::string_view item) {
+  const std::string text = parameter_of(item, "q");
+  if (text.empty()) return 1.0;
+  double weight = 0.0;
+  const auto read = std::from_chars(text.data(), text.data() + text.size(), weight);
+  // Also what is no number.
+  if (read.ec != std::errc() || read.ptr != text.data() + text.size() || !(weight >= 0.0))
+    return 0.0;
+  return std::min(weight, 1.0);
+}
+
 bool takes_gzip(std::string_view accept_encoding) {
   for (std::size_t begin = 0; begin < accept_encoding.size();) {
     const std::size_t end = std::min(accept_encoding.find(',', begin), accept_encoding.size());
     const std::string_view item = accept_encoding.substr(begin, end - begin);
-    const std::string weight = parameter_of(item, "q");
-    const bool refused = !weight.empty() && weight.find_first_not_of("0.") == std::string::npos;
-    if (media_type(item) == "gzip") return !refused;
+    if (media_type(item) == "gzip") return weight_of(item) > 0.0;
     begin = end + 1;
   }
   return false;

@@ -14,6 +14,9 @@ namespace stillmap::server {
 /// escapes.
 [[nodiscard]] std::string parameter_of(std::string_view header, std::string_view name);
 
+/// Weight `q` of an item of an Accept header in [0, 1]: 1 when absent, 0 when it is no number.
+[[nodiscard]] double weight_of(std::string_view item);
+
 /// Whether a client takes gzip. @param accept_encoding  value of its header.
 [[nodiscard]] bool takes_gzip(std::string_view accept_encoding);
 

@@ -62,6 +62,17 @@ std::string fault_of(const Matrix6& covariance) {
   return {};
 }
 
+/// Rows and columns of zeros get these deviations.
+RowMajor6 with_not_told(std::span<const double, 36> values, double sigma_m, double sigma_rad) {
+  const RowMajor6 given = Eigen::Map<const RowMajor6>(values.data());
+  RowMajor6 filled = given;
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    if (!given.row(i).isZero(0.0) || !given.col(i).isZero(0.0)) continue;
+    filled(i, i) = std::pow(i < 3 ? sigma_m : sigma_rad, 2);
+  }
+  return filled;
+}
+
 }  // namespace
 
 Matrix6 checked_covariance(std::span<const double, 36> values, const std::string& path,
@@ -87,14 +98,19 @@ Matrix6 checked_covariance(std::span<const double, 36> values, const std::string
 
 Matrix6 checked_prior_covariance(std::span<const double, 36> values, const std::string& path) {
   const localization::AlignerOptions search;
-  RowMajor6 covariance = Eigen::Map<const RowMajor6>(values.data());
-  for (Eigen::Index i = 0; i < 6; ++i) {
-    if (!covariance.row(i).isZero(0.0) || !covariance.col(i).isZero(0.0)) continue;
-    const double sigma = (i < 3 ? search.search_radius_m : search.search_yaw_rad) / 3.0;
-    covariance(i, i) = sigma * sigma;
-  }
-  return checked_covariance(std::span<const double, 36>(covariance.data(), 36), path,
+  const RowMajor6 filled =
+      with_not_told(values, search.search_radius_m / 3.0, search.search_yaw_rad / 3.0);
+  return checked_covariance(std::span<const double, 36>(filled.data(), 36), path,
                             ErrorCode::kInvalidPrior);
+}
+
+Matrix6 checked_odometry_covariance(std::span<const double, 36> values, double step_m,
+                                    const std::string& path) {
+  // How far a road rises or tilts beside what wheels see of it.
+  constexpr double kLeastM = 0.1, kShareOfStep = 0.1, kTiltRad = 0.05;
+  const RowMajor6 filled = with_not_told(values, kLeastM + kShareOfStep * step_m, kTiltRad);
+  return checked_covariance(std::span<const double, 36>(filled.data(), 36), path,
+                            ErrorCode::kInvalidOdometry);
 }
 
 void check_gnss(const GnssFix& fix, const std::string& path) {

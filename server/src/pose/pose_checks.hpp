@@ -64,6 +64,11 @@ struct PoseField {
 [[nodiscard]] Eigen::Matrix<double, 6, 6> checked_prior_covariance(
     std::span<const double, 36> values, const std::string& path);
 
+/// The same of a step of odometry, of which wheels tell no z, roll and pitch: rows of zeros get 0.1
+/// m and a tenth of the step's length [m], or 0.05 rad.
+[[nodiscard]] Eigen::Matrix<double, 6, 6> checked_odometry_covariance(
+    std::span<const double, 36> values, double step_m, const std::string& path);
+
 /// @throws ApiError kInvalidPrior for a place that is not on Earth or a deviation out of its
 /// bounds.
 void check_gnss(const GnssFix& fix, const std::string& path);

@@ -41,6 +41,26 @@ TEST(Geodesy, GridsAtAPlaceHaveTheirZeroThere) {
   EXPECT_LT((projection.to_map(projection.to_grid(p)) - p).norm(), 1e-6);
 }
 
+TEST(Geodesy, PlacesComeBackFromAPointOfAnEnuFrame) {
+  // Beside the frame's origin, 100 km away, over the antimeridian, at and across the poles.
+  const GeodeticOrigin far{49.9, 8.5, -40.0};
+  const GeodeticOrigin before{-17.0, 179.99, 10.0}, behind{-17.0, -179.99, 20.0};
+  const GeodeticOrigin north{89.999, 120.0, 0.0}, beyond{89.9995, -60.0, 5.0};
+  for (const auto& [origin, place] :
+       {std::pair{kKarlsruhe, far}, std::pair{before, behind}, std::pair{behind, before},
+        std::pair{north, beyond}, std::pair{kKarlsruhe, kKarlsruhe}}) {
+    const GeodeticOrigin found = place_in_enu(T_enu_enu(origin, place).translation(), origin);
+    EXPECT_NEAR(found.latitude_deg, place.latitude_deg, 1e-11);
+    EXPECT_NEAR(found.longitude_deg, place.longitude_deg,
+                1e-6 / std::cos(place.latitude_deg * 0.017453));
+    EXPECT_NEAR(found.altitude_m, place.altitude_m, 1e-6);
+  }
+  const GeodeticOrigin pole = place_in_enu({0.0, 0.0, 7.0}, {-90.0, 0.0, 0.0});
+  EXPECT_NEAR(pole.latitude_deg, -90.0, 1e-11);
+  EXPECT_TRUE(violations(pole).empty());
+  EXPECT_NEAR(pole.altitude_m, 7.0, 1e-6);
+}
+
 TEST(Geodesy, UtmOfKnownPlaces) {
   // The equator on a central meridian has the false origin by definition.
   const GeodeticOrigin equator{0.0, 9.0, 0.0};

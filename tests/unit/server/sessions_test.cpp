@@ -102,6 +102,50 @@ TEST_F(Sessions, OdometryIsUsed) {
   EXPECT_NEAR(aligner_->last_prior.T_map_lidar.translation().x(), 2.0, 1e-9);
 }
 
+TEST_F(Sessions, PlanarCovariancesOfFloatsAreTakenEverywhere) {
+  // As a planar localizer or odometry has them: x, y and yaw, of 32-bit floats.
+  std::vector<double> planar(36, 0.0);
+  planar[0] = planar[7] = 0.25;
+  planar[35] = 0.0625;
+  planar[1] = 0.1;
+  planar[6] = static_cast<double>(0.1F);
+  json prior = prior_json();
+  prior["covariance"] = planar;
+  const json session = ask(json_post("/v1/sessions", {{"map", "town"}, {"prior", prior}}), 201);
+  const std::string path = "/v1/sessions/" + session["id"].get<std::string>();
+  ask(scan(path, "1000000000"));
+  ASSERT_TRUE(aligner_->last_prior.covariance);
+  EXPECT_DOUBLE_EQ((*aligner_->last_prior.covariance)(2, 2), 4.0);
+
+  const json step = {{"since_ns", "1000000000"},
+                     {"position", {3.0, 0.0, 4.0}},
+                     {"quaternion", {0.0, 0.0, 0.0, 1.0}},
+                     {"covariance", planar}};
+  HttpRequest next = request("POST", path + "/scans");
+  next.headers["content-type"] = "multipart/form-data; boundary=b";
+  const auto with = [&](const json& odometry) {
+    next.body = "--b\r\nContent-Disposition: form-data; name=\"request\"\r\n\r\n" +
+                json{{"stamp_ns", "2000000000"}, {"odometry", odometry}}.dump() +
+                "\r\n--b\r\nContent-Disposition: form-data; name=\"scan\"\r\n"
+                "Content-Type: application/octet-stream\r\n\r\n" +
+                raw_scan(60) + "\r\n--b--\r\n";
+    return next;
+  };
+  EXPECT_EQ(ask(with(step))["searched_from"], "odometry");
+  // A step of 5 m: 0.1 m and a tenth of it, beside 1 m of the pose before.
+  const Eigen::Matrix<double, 6, 6>& covariance = *aligner_->last_prior.covariance;
+  EXPECT_GE(covariance(2, 2), 0.6 * 0.6);
+  EXPECT_GE(covariance(3, 3), 0.05 * 0.05);
+  EXPECT_EQ(covariance, covariance.transpose());
+
+  ask(json_post(path + "/initialize", {{"prior", prior}}));
+  json bad = step;
+  bad["covariance"][14] = 0.0;
+  bad["covariance"][2] = bad["covariance"][12] = 0.1;
+  EXPECT_THAT(ask(with(bad), 422)["detail"].get<std::string>(),
+              HasSubstr("odometry.covariance: found a matrix that is not positive definite"));
+}
+
 TEST_F(Sessions, UnusableOdometryIsNamed) {
   const std::string session = open();
   ask(scan(session, "1000000000"));

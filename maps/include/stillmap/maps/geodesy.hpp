@@ -18,6 +18,11 @@ namespace stillmap::maps {
 /// The same frame seen from the Earth's centre (ECEF: x to 0 N 0 E, z to the North Pole).
 [[nodiscard]] Eigen::Isometry3d T_ecef_enu(const GeodeticOrigin& origin);
 
+/// Place of a point [m] of the east-north-up frame at `origin` (the inverse of `T_enu_enu`'s
+/// translation); longitude in [-180, 180], 0 on the Earth's axis.
+[[nodiscard]] GeodeticOrigin place_in_enu(const Eigen::Vector3d& p_enu,
+                                          const GeodeticOrigin& origin);
+
 /// Every bound that a place breaks, as "name: value, bound"; empty for one on Earth: latitude in
 /// [-90, 90], longitude in [-180, 180], altitude in [-12000, 100000] m.
 [[nodiscard]] std::vector<std::string> violations(const GeodeticOrigin& origin);

@@ -8,9 +8,10 @@ from .client import Client
 from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem, StillmapError
 from .scan import Pcd, Scan
 from .session import Session, SessionStream
-from .types import (Event, Gnss, MapInfo, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior, Protection,
-                    Version)
+from .types import (Event, GeoPose, Gnss, MapInfo, MapReference, MovableBox, Odometry, Offset, Pose, PoseAnswer,
+                    PoseWarning, Prior, Protection, Query, SessionInfo, Version)
 
-__all__ = ["Client", "ConnectionLost", "DownloadChanged", "Event", "Gnss", "MapInfo", "MapReference", "MovableBox",
-           "NeedsChoice", "Odometry", "Pcd", "Pose", "PoseAnswer", "Prior", "Problem", "Protection", "Scan", "Session",
-           "SessionStream", "StillmapError", "Version"]
+__all__ = ["Client", "ConnectionLost", "DownloadChanged", "Event", "GeoPose", "Gnss", "MapInfo", "MapReference",
+           "MovableBox", "NeedsChoice", "Odometry", "Offset", "Pcd", "Pose", "PoseAnswer", "PoseWarning", "Prior",
+           "Problem", "Protection", "Query", "Scan", "Session", "SessionInfo", "SessionStream", "StillmapError",
+           "Version"]

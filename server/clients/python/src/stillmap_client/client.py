@@ -16,10 +16,10 @@ from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Seque
 from . import events
 from .archive import Archive
 from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem
-from .scan import Scan, scan_request
+from .scan import Scan, multipart, scan_part, scan_request
 from .session import Session
-from .transport import Body, Response, Transport, as_object, wait_s
-from .types import Event, Gnss, MapInfo, MovableBox, Pose, PoseAnswer, Prior, Version
+from .transport import GEOPOSE, Body, Response, Transport, as_object, wait_s
+from .types import (Event, GeoPose, Gnss, MapInfo, MovableBox, Pose, PoseAnswer, Prior, Query, SessionInfo, Version)
 
 Path = Union[str, "os.PathLike[str]"]
 _Found = TypeVar("_Found")
@@ -33,6 +33,25 @@ def _job(json: Any) -> Dict[str, Any]:
     for name in ("status", "stage", "progress"):
         found[name]
     return found
+
+
+def _place(map: str, version: Optional[str]) -> str:
+    return f"/v1/maps/{map}" + ("" if version is None else f"/versions/{version}")
+
+
+def _parameters(query: Query) -> Dict[str, Any]:
+    """As JSON, without what says how the scan is sent."""
+    keys: Dict[str, Any] = {}
+    for name, value in (("prior", query.prior), ("gnss", query.gnss), ("T_base_lidar", query.T_base_lidar)):
+        if value is not None:
+            keys[name] = value.to_json()
+    if query.movable:
+        keys["movable"] = [box.to_json() for box in query.movable]
+    if query.stamp_ns is not None:
+        keys["stamp_ns"] = str(query.stamp_ns)
+    if query.method is not None:
+        keys["method"] = query.method
+    return keys
 
 
 def _csv(values: Sequence[float]) -> str:
@@ -72,42 +91,79 @@ class Client:
                  movable: Sequence[MovableBox] = ()) -> PoseAnswer:
         """Where a scan was taken; the status is `lost` when that cannot be said. Without prior and gnss the whole
         map is searched. @raises Problem, ConnectionLost, ValueError for what is no scan."""
+        query = Query(scan, prior, layout, gnss, stamp_ns, method, T_base_lidar, movable)
+        return self._localize(map, version, query, deadline_ms, None).json(PoseAnswer.of)
+
+    def localize_geopose(self, map: str, scan: Scan, prior: Optional[Prior] = None, *, version: Optional[str] = None,
+                         layout: Optional[str] = None, gnss: Optional[Gnss] = None, stamp_ns: Optional[int] = None,
+                         method: Optional[str] = None, deadline_ms: Optional[int] = None,
+                         T_base_lidar: Optional[Pose] = None, movable: Sequence[MovableBox] = ()) -> GeoPose:
+        """As `localize`, for maps with a place on the Earth.
+        @raises Problem `NoPose` when the scan is lost, and `NotAcceptable` when the map has no place."""
+        query = Query(scan, prior, layout, gnss, stamp_ns, method, T_base_lidar, movable)
+        response = self._localize(map, version, query, deadline_ms, GEOPOSE)
+        return response.json(lambda json: GeoPose.of(json, response.headers))
+
+    def localize_batch(self, map: str, queries: Sequence[Query], *, version: Optional[str] = None,
+                       deadline_ms: Optional[int] = None) -> List[Union[PoseAnswer, Problem]]:
+        """Several scans in one request. @return for each, in their order, its answer or why it was refused."""
+        wanted, scans = [], []
+        for i, query in enumerate(queries):
+            part, of_scan = scan_part(f"scan-{i}", query.scan, query.layout)
+            wanted.append({**_parameters(query), **of_scan})
+            scans.append(part)
+        request: Dict[str, Any] = {"queries": wanted}
+        if deadline_ms is not None:
+            request["deadline_ms"] = deadline_ms
+        body, headers = multipart(request, scans)
+
+        def read(json: Any) -> List[Union[PoseAnswer, Problem]]:
+            return [PoseAnswer.of(each["answer"]) if each["status"] == 200
+                    else Problem(int(each["status"]), each["problem"]) for each in json["answers"]]
+
+        return self._transport.call("POST", _place(map, version) + "/localize/batch", body=body, headers=headers,
+                                    timeout_s=self._transport.patience_s(deadline_ms)).json(read)
+
+    def _localize(self, map: str, version: Optional[str], query: Query, deadline_ms: Optional[int],
+                  accept: Optional[str]) -> Response:
+        prior, gnss = query.prior, query.gnss
         flat: Dict[str, str] = {}
         keys: Dict[str, Any] = {}
+        for name, value in (("stamp_ns", query.stamp_ns), ("method", query.method), ("deadline_ms", deadline_ms)):
+            if value is not None:
+                flat[name] = str(value)
+        if query.T_base_lidar is not None or query.movable or (prior is not None and prior.covariance is not None):
+            keys = {**flat, **_parameters(query)}
         if prior is not None:
             flat.update(prior_t=_csv(prior.pose.position), prior_q=_csv(prior.pose.quaternion))
             if prior.sigma is not None:
                 flat["prior_sigma"] = _csv(prior.sigma)
         if gnss is not None:
-            altitude = "" if gnss.altitude_m is None else repr(float(gnss.altitude_m))
-            flat["gnss"] = f"{gnss.latitude_deg!r},{gnss.longitude_deg!r},{altitude},{gnss.sigma_m!r}"
-        for name, value in (("stamp_ns", stamp_ns), ("method", method), ("deadline_ms", deadline_ms)):
-            if value is not None:
-                flat[name] = str(value)
-        if T_base_lidar is not None or movable or (prior is not None and prior.covariance is not None):
-            keys = {name: flat[name] for name in ("stamp_ns", "method", "deadline_ms") if name in flat}
-            if prior is not None:
-                keys["prior"] = prior.to_json()
-            if gnss is not None:
-                keys["gnss"] = gnss.to_json()
-            if T_base_lidar is not None:
-                keys["T_base_lidar"] = T_base_lidar.to_json()
-            if movable:
-                keys["movable"] = [box.to_json() for box in movable]
-        query, body, headers = scan_request(scan, layout, flat, keys)
-        place = f"/v1/maps/{map}" + ("" if version is None else f"/versions/{version}")
-        return self._transport.call("POST", place + "/localize", query=query, body=body, headers=headers,
-                                    timeout_s=self._transport.patience_s(deadline_ms)).json(PoseAnswer.of)
+            altitude = "" if gnss.altitude_m is None else _csv([gnss.altitude_m])
+            flat["gnss"] = ",".join((_csv([gnss.latitude_deg, gnss.longitude_deg]), altitude, _csv([gnss.sigma_m])))
+        parameters, body, headers = scan_request(query.scan, query.layout, flat, keys)
+        if accept is not None:
+            headers["Accept"] = accept
+        return self._transport.call("POST", _place(map, version) + "/localize", query=parameters, body=body,
+                                    headers=headers, timeout_s=self._transport.patience_s(deadline_ms))
 
     def open_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
-                     gnss: Optional[Gnss] = None, retries: Optional[int] = None) -> Session:
-        """Follows one vehicle. A prior needs its sigma or covariance."""
+                     gnss: Optional[Gnss] = None, label: Optional[str] = None,
+                     retries: Optional[int] = None) -> Session:
+        """Follows one vehicle. A prior needs its sigma or covariance. @param label  what operators see."""
         wanted: Dict[str, Any] = {"map": map}
-        for name, value in (("version", version), ("prior", prior and prior.to_json()), ("gnss", gnss and gnss.to_json())):
+        for name, value in (("version", version), ("label", label), ("prior", prior and prior.to_json()),
+                            ("gnss", gnss and gnss.to_json())):
             if value is not None:
                 wanted[name] = value
         return self._read(lambda json: Session(self._transport, json), "POST", "/v1/sessions", wanted, idempotent=False,
                           retries=retries)
+
+    def sessions(self, map: Optional[str] = None) -> List[SessionInfo]:
+        """Those of the key; of all keys with the scope admin. @param map  only those of this map."""
+        query = None if map is None else {"map": map}
+        return self._transport.call("GET", "/v1/sessions", query=query).json(
+            lambda json: [SessionInfo.of(each) for each in json["sessions"]])
 
     # --- the server and its maps -------------------------------------------------------------------------
 

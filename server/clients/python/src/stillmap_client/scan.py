@@ -67,23 +67,42 @@ def _checked(data: bytes, layout: str) -> Tuple[bytes, str]:
     return data, layout
 
 
+class Part:
+    """A part of a multipart body."""
+
+    def __init__(self, name: str, kind: str, data: bytes) -> None:
+        self.name, self.kind, self.data = name, kind, data
+
+
+def scan_part(name: str, scan: Scan, layout: Optional[str]) -> Tuple[Part, Dict[str, str]]:
+    """A scan as a part, and what its parameters must say of it."""
+    if isinstance(scan, Pcd):
+        return Part(name, "application/vnd.pcd", bytes(scan)), {}
+    data, found = encoded(scan, layout)
+    return Part(name, "application/octet-stream", data), {"layout": found}
+
+
+def multipart(request: Mapping[str, Any], scans: Sequence[Part]) -> Tuple[bytes, Dict[str, str]]:
+    """Body and headers of parameters as JSON and of scans beside them."""
+    boundary = uuid.uuid4().hex
+    pieces = []
+    for part in (Part("request", "application/json", json.dumps(request).encode()), *scans):
+        pieces.append(f'--{boundary}\r\nContent-Disposition: form-data; name="{part.name}"\r\n'
+                      f"Content-Type: {part.kind}\r\n\r\n".encode())
+        pieces += [part.data, b"\r\n"]
+    pieces.append(f"--{boundary}--\r\n".encode())
+    return b"".join(pieces), {"Content-Type": f"multipart/form-data; boundary={boundary}"}
+
+
 def scan_request(scan: Scan, layout: Optional[str], flat: Mapping[str, str],
                  keys: Mapping[str, Any]) -> Tuple[Dict[str, str], bytes, Dict[str, str]]:
-    """Query, body and headers of a scan: flat while it can be, since the server then knows all before the body."""
-    kind = "application/octet-stream"
-    query: Dict[str, str] = {}
-    if isinstance(scan, Pcd):
-        data, kind = bytes(scan), "application/vnd.pcd"
-    else:
-        data, found = encoded(scan, layout)
-        query["layout"] = found
+    """Query, body and headers of a scan: flat while it can be, since the server then knows all before the body.
+
+    flat    parameters for the query
+    keys    the same and more as JSON, when the query cannot hold them; empty when it can
+    """
+    part, of_scan = scan_part("scan", scan, layout)
     if not keys:
-        return {**query, **flat}, data, {"Content-Type": kind}
-    boundary = uuid.uuid4().hex
-    request = json.dumps({**keys, **query}).encode()
-    body = b"".join([
-        f'--{boundary}\r\nContent-Disposition: form-data; name="request"\r\n'
-        "Content-Type: application/json\r\n\r\n".encode(), request,
-        f'\r\n--{boundary}\r\nContent-Disposition: form-data; name="scan"\r\nContent-Type: {kind}\r\n\r\n'.encode(),
-        data, f"\r\n--{boundary}--\r\n".encode()])
-    return {}, body, {"Content-Type": f"multipart/form-data; boundary={boundary}"}
+        return {**of_scan, **flat}, part.data, {"Content-Type": part.kind}
+    body, headers = multipart({**keys, **of_scan}, [part])
+    return {}, body, headers

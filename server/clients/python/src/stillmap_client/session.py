@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Option
 from . import events
 from .errors import ConnectionLost, Problem, StillmapError
 from .scan import Pcd, Scan, encoded, scan_request
-from .transport import Transport, as_object, wait_s
-from .types import Event, Gnss, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior
+from .transport import GEOPOSE, Response, Transport, wait_s
+from .types import Event, GeoPose, Gnss, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior, SessionInfo
 
 if TYPE_CHECKING:
     from .client import Client
 
-#: Bytes as they are sent, their layout, stamp_ns, odometry.
-_Item = Tuple[bytes, Optional[str], int, Optional[Odometry]]
+#: Bytes as they are sent, their layout, stamp_ns, odometry, boxes.
+_Item = Tuple[bytes, Optional[str], int, Optional[Odometry], Sequence[MovableBox]]
 
 
 class Session:
@@ -42,6 +42,21 @@ class Session:
               movable: Sequence[MovableBox] = (), retries: Optional[int] = None) -> PoseAnswer:
         """The next scan. Not sent again after a lost connection: the server may have counted it.
         @raises Problem (`Superseded` when a newer scan, or `initialize`, came meanwhile), ConnectionLost."""
+        return self._send(scan, stamp_ns, layout, odometry, deadline_ms, T_base_lidar, movable, retries,
+                          None).json(PoseAnswer.of)
+
+    def track_geopose(self, scan: Scan, stamp_ns: int, *, layout: Optional[str] = None,
+                      odometry: Optional[Odometry] = None, deadline_ms: Optional[int] = None,
+                      T_base_lidar: Optional[Pose] = None, movable: Sequence[MovableBox] = (),
+                      retries: Optional[int] = None) -> GeoPose:
+        """As `track`, for maps with a place on the Earth.
+        @raises Problem `NoPose` when the scan is lost, and `NotAcceptable` when the map has no place."""
+        response = self._send(scan, stamp_ns, layout, odometry, deadline_ms, T_base_lidar, movable, retries, GEOPOSE)
+        return response.json(lambda json: GeoPose.of(json, response.headers))
+
+    def _send(self, scan: Scan, stamp_ns: int, layout: Optional[str], odometry: Optional[Odometry],
+              deadline_ms: Optional[int], T_base_lidar: Optional[Pose], movable: Sequence[MovableBox],
+              retries: Optional[int], accept: Optional[str]) -> Response:
         flat: Dict[str, str] = {"stamp_ns": str(stamp_ns)}
         keys: Dict[str, Any] = {}
         if deadline_ms is not None:
@@ -55,9 +70,10 @@ class Session:
             if movable:
                 keys["movable"] = [box.to_json() for box in movable]
         query, body, headers = scan_request(scan, layout, flat, keys)
-        return self._transport.call("POST", self._path + "/scans", query=query, body=body,
-                                    headers=headers, idempotent=False, retries=retries,
-                                    timeout_s=self._transport.patience_s(deadline_ms)).json(PoseAnswer.of)
+        if accept is not None:
+            headers["Accept"] = accept
+        return self._transport.call("POST", self._path + "/scans", query=query, body=body, headers=headers,
+                                    idempotent=False, retries=retries, timeout_s=self._transport.patience_s(deadline_ms))
 
     def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None) -> None:
         """Forgets where the vehicle was. Without prior and gnss it may be anywhere."""
@@ -69,8 +85,8 @@ class Session:
         self._transport.call("POST", self._path + "/initialize", body=json.dumps(wanted).encode(),
                              headers={"Content-Type": "application/json"})
 
-    def info(self) -> Dict[str, Any]:
-        return self._transport.call("GET", self._path).json(as_object)
+    def info(self) -> SessionInfo:
+        return self._transport.call("GET", self._path).json(SessionInfo.of)
 
     def events(self, *, last_id: Optional[int] = None, patience_s: float = 60.0) -> Iterator[Event]:
         """`status`, `version_activated`, `gap`, up to `closed`. Goes on after lost connections."""
@@ -97,14 +113,20 @@ class SessionStream:
 
     on_answer    told (stamp_ns, PoseAnswer), in the sending thread
     on_error     told (stamp_ns, error) of each scan that got no pose, whatever the reason
+    prior, gnss  where the vehicle is at first; at most one of the two
+    label        what operators see
+    T_base_lidar, layout, deadline_ms  of all scans
     What these raise is logged and changes nothing.
     """
 
     def __init__(self, client: "Client", map: str, *, on_answer: Callable[[int, PoseAnswer], None],
                  on_error: Optional[Callable[[int, StillmapError], None]] = None, prior: Optional[Prior] = None,
-                 deadline_ms: Optional[int] = None, layout: Optional[str] = None) -> None:
-        self._client, self._map, self._prior = client, map, prior
+                 gnss: Optional[Gnss] = None, version: Optional[str] = None, label: Optional[str] = None,
+                 T_base_lidar: Optional[Pose] = None, deadline_ms: Optional[int] = None,
+                 layout: Optional[str] = None) -> None:
+        self._client, self._map, self._prior, self._gnss = client, map, prior, gnss
         self._on_answer, self._on_error = on_answer, on_error
+        self._version, self._label, self._T_base_lidar = version, label, T_base_lidar
         self._deadline_ms, self._layout = deadline_ms, layout
         self._changed = threading.Condition()
         self._waiting: Optional[_Item] = None
@@ -122,7 +144,8 @@ class SessionStream:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def put(self, scan: Scan, stamp_ns: int, odometry: Optional[Odometry] = None) -> None:
+    def put(self, scan: Scan, stamp_ns: int, odometry: Optional[Odometry] = None,
+            movable: Sequence[MovableBox] = ()) -> None:
         """Takes the place of a scan that waits. @raises ValueError for what is no scan."""
         # Here, where the caller sees it, and so that the scan may be changed afterwards.
         data, layout = (scan, None) if isinstance(scan, Pcd) else encoded(scan, self._layout)
@@ -131,7 +154,7 @@ class SessionStream:
                 raise RuntimeError("the stream is closed")
             if self._waiting is not None:
                 self.superseded += 1
-            self._waiting = (data, layout, stamp_ns, odometry)
+            self._waiting = (data, layout, stamp_ns, odometry, movable)
             self._changed.notify_all()
 
     def drain(self, timeout_s: Optional[float] = None) -> bool:
@@ -169,15 +192,16 @@ class SessionStream:
                 self._busy = False
                 self._changed.notify_all()
 
-    def _send(self, scan: bytes, layout: Optional[str], stamp_ns: int,
-              odometry: Optional[Odometry]) -> Optional[StillmapError]:
+    def _send(self, scan: bytes, layout: Optional[str], stamp_ns: int, odometry: Optional[Odometry],
+              movable: Sequence[MovableBox]) -> Optional[StillmapError]:
         try:
             if self._session is None:
-                self._session = self._client.open_session(self._map, prior=self._prior, retries=0)
-                self._prior = None  # where it was at first says nothing of a later session
+                self._session = self._client.open_session(self._map, prior=self._prior, gnss=self._gnss,
+                                                          version=self._version, label=self._label, retries=0)
+                self._prior = self._gnss = None  # where it was at first says nothing of a later session
                 self.sessions += 1
-            answer = self._session.track(scan, stamp_ns, odometry=odometry, layout=layout,
-                                         deadline_ms=self._deadline_ms, retries=0)
+            answer = self._session.track(scan, stamp_ns, odometry=odometry, movable=movable, layout=layout,
+                                         T_base_lidar=self._T_base_lidar, deadline_ms=self._deadline_ms, retries=0)
         except Exception as error:  # whatever comes, the thread must be there for the next scan
             if isinstance(error, Problem) and error.code == "UnknownSession":
                 self._session = None

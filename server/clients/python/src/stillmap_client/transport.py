@@ -20,6 +20,9 @@ from .errors import ConnectionLost, Problem
 Body = Union[None, bytes, Tuple[int, Callable[[], BinaryIO]]]
 _Read = TypeVar("_Read")
 
+#: What Advanced has over Basic-Quaternion is the time.
+GEOPOSE = "application/geopose+json; version=1.0; profile=advanced"
+
 #: The server ends connections that idled for 2 s: older ones are not used again.
 _KEPT_S = 1.0
 #: Longest wait between two tries.

@@ -6,11 +6,16 @@ Each keeps the whole JSON answer in `raw`, so that keys which this version does 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Dict, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple, Union
+
+from .scan import Scan
 
 Vector3 = Tuple[float, float, float]
 #: x, y, z, w
 Quaternion = Tuple[float, float, float, float]
+#: 36 numbers row by row, or 6 rows (such as a numpy array of 6 x 6); order tx ty tz rx ry rz. A row and column of
+#: zeros is "not told", as planar localizers and odometry have them for z, roll and pitch.
+Covariance = Union[Sequence[float], Sequence[Sequence[float]]]
 
 
 def _floats(values: Sequence[Any]) -> Tuple[float, ...]:
@@ -35,20 +40,20 @@ class Pose:
         return cls((x, y, z), (qx, qy, qz, qw))
 
     def to_json(self) -> Dict[str, Any]:
-        return {"position": list(self.position), "quaternion": list(self.quaternion)}
+        return {"position": list(_floats(self.position)), "quaternion": list(_floats(self.quaternion))}
 
 
 @dataclass(frozen=True)
 class Prior:
     """Where the search starts: T_map_lidar, and how sure that is.
 
-    `sigma` is (metres, radians) for all directions alike; `covariance` has 36 numbers row by row, order tx ty tz
-    rx ry rz, perturbation on the right, in the lidar frame. At most one of the two.
+    `sigma` is (metres, radians) for all directions alike; `covariance` is a `Covariance`, perturbation on the right,
+    in the lidar frame. At most one of the two.
     """
 
     pose: Pose
     sigma: Optional[Tuple[float, float]] = None
-    covariance: Optional[Sequence[float]] = None
+    covariance: Optional[Covariance] = None
 
     def to_json(self) -> Dict[str, Any]:
         json = self.pose.to_json()
@@ -68,23 +73,28 @@ class Gnss:
     altitude_m: Optional[float] = None
 
     def to_json(self) -> Dict[str, Any]:
-        json: Dict[str, Any] = {"latitude_deg": self.latitude_deg, "longitude_deg": self.longitude_deg,
-                                "sigma_m": self.sigma_m}
+        json: Dict[str, Any] = {"latitude_deg": float(self.latitude_deg), "longitude_deg": float(self.longitude_deg),
+                                "sigma_m": float(self.sigma_m)}
         if self.altitude_m is not None:
-            json["altitude_m"] = self.altitude_m
+            json["altitude_m"] = float(self.altitude_m)
         return json
 
 
 @dataclass(frozen=True)
 class Odometry:
-    """Pose of the lidar at this scan in the lidar frame at the earlier scan `since_ns`."""
+    """Pose of the lidar at this scan in the lidar frame at the earlier scan `since_ns`; with either a `sigma`
+    (metres, radians) or a `covariance`, as `Prior` has them."""
 
     since_ns: int
     pose: Pose
-    sigma: Tuple[float, float]
+    sigma: Optional[Tuple[float, float]] = None
+    covariance: Optional[Covariance] = None
 
     def to_json(self) -> Dict[str, Any]:
-        return {"since_ns": str(self.since_ns), **self.pose.to_json(), "covariance": covariance_of(self.sigma, None)}
+        covariance = covariance_of(self.sigma, self.covariance)
+        if covariance is None:
+            raise ValueError("odometry: found neither sigma nor covariance, expected one of the two")
+        return {"since_ns": str(self.since_ns), **self.pose.to_json(), "covariance": covariance}
 
 
 @dataclass(frozen=True)
@@ -96,16 +106,41 @@ class MovableBox:
     yaw: float = 0.0
 
     def to_json(self) -> Dict[str, Any]:
-        return {"centre": list(self.centre), "size": list(self.size), "yaw": self.yaw}
+        return {"centre": list(_floats(self.centre)), "size": list(_floats(self.size)), "yaw": float(self.yaw)}
 
 
-def covariance_of(sigma: Optional[Tuple[float, float]], covariance: Optional[Sequence[float]]) -> Optional[Sequence[float]]:
+def _pose(json: Optional[Mapping[str, Any]]) -> Optional[Pose]:
+    return None if json is None else Pose.of(json)
+
+
+def _row_by_row(covariance: Covariance) -> Sequence[float]:
+    flat = [float(x) for row in covariance for x in (row if isinstance(row, Iterable) else (row,))]
+    if len(flat) != 36:
+        raise ValueError(f"covariance: found {len(flat)} numbers, expected 36, or 6 rows of 6")
+    return flat
+
+
+def covariance_of(sigma: Optional[Tuple[float, float]], covariance: Optional[Covariance]) -> Optional[Sequence[float]]:
     if sigma is not None and covariance is not None:
         raise ValueError("sigma: found a covariance beside it, expected one of the two")
     if sigma is None:
-        return None if covariance is None else [float(x) for x in covariance]
-    variances = [sigma[0] ** 2] * 3 + [sigma[1] ** 2] * 3
+        return None if covariance is None else _row_by_row(covariance)
+    variances = [float(sigma[0]) ** 2] * 3 + [float(sigma[1]) ** 2] * 3
     return [variances[i] if i == j else 0.0 for i in range(6) for j in range(6)]
+
+
+@dataclass(frozen=True)
+class Query:
+    """One scan of `Client.localize_batch`, with what `Client.localize` takes beside it."""
+
+    scan: Scan
+    prior: Optional[Prior] = None
+    layout: Optional[str] = None
+    gnss: Optional[Gnss] = None
+    stamp_ns: Optional[int] = None
+    method: Optional[str] = None
+    T_base_lidar: Optional[Pose] = None
+    movable: Sequence[MovableBox] = ()
 
 
 @dataclass(frozen=True)
@@ -124,25 +159,54 @@ class MapReference:
     version: str
     digest: str
 
+    @classmethod
+    def of(cls, json: Mapping[str, Any]) -> "MapReference":
+        return cls(json["name"], json["version"], json["digest"])
+
+
+@dataclass(frozen=True)
+class Offset:
+    """How far a pose is from the prior."""
+
+    m: float
+    rad: float
+
+
+@dataclass(frozen=True)
+class PoseWarning:
+    """`clock_skew`: the stamp is `ahead_s` ahead of the server's clock."""
+
+    code: str
+    ahead_s: float
+
 
 @dataclass(frozen=True)
 class PoseAnswer:
-    """What a scan was answered with. `pose` is T_map_lidar and None when the status is `lost`."""
+    """What a scan was answered with. `pose` is T_map_lidar and None when the status is `lost`.
+
+    `covariance` has 36 numbers row by row, in the order of `covariance_order`; each of the `degenerate_directions`
+    six, of which the last three are metres that a turn moves a point 15 m away."""
 
     status: str
     reasons: Tuple[str, ...]
     pose: Optional[Pose]
     T_map_base: Optional[Pose]
     covariance: Optional[Tuple[float, ...]]
+    covariance_order: Tuple[str, ...]
     protection: Protection
     inlier_ratio: float
     rmse_m: float
+    movable_points: int
+    degenerate_directions: Tuple[Tuple[float, ...], ...]
+    prior_to_pose: Optional[Offset]
     iterations: int
     map: MapReference
     stamp_ns: Optional[int]
     timing_ms: Mapping[str, float]
+    warnings: Tuple[PoseWarning, ...]
     request_id: str
-    #: Of a session's scan only.
+    #: Of a session's scan only, as `searched_from`.
+    session: Optional[str] = None
     searched_from: Optional[str] = None
     raw: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -152,18 +216,94 @@ class PoseAnswer:
 
     @classmethod
     def of(cls, json: Mapping[str, Any]) -> "PoseAnswer":
-        pose, base, covariance = json["pose"], json.get("T_map_base"), json["covariance"]
-        bounds = json["protection"]
+        covariance, bounds, offset = json["covariance"], json["protection"], json["prior_to_pose"]
         return cls(status=json["status"], reasons=tuple(json["reasons"]),
-                   pose=None if pose is None else Pose.of(pose), T_map_base=None if base is None else Pose.of(base),
+                   pose=_pose(json["pose"]), T_map_base=_pose(json.get("T_map_base")),
                    covariance=None if covariance is None else _floats(covariance),
+                   covariance_order=tuple(json["covariance_order"]),
                    protection=Protection(bounds["longitudinal_m"], bounds["lateral_m"], bounds["vertical_m"],
                                          bounds["yaw_rad"]),
                    inlier_ratio=float(json["inlier_ratio"]), rmse_m=float(json["rmse_m"]),
-                   iterations=int(json["iterations"]),
-                   map=MapReference(json["map"]["name"], json["map"]["version"], json["map"]["digest"]),
-                   stamp_ns=_integer(json["stamp_ns"]), timing_ms=json["timing_ms"], request_id=json["request_id"],
+                   movable_points=int(json["movable_points"]),
+                   degenerate_directions=tuple(_floats(each) for each in json["degenerate_directions"]),
+                   prior_to_pose=None if offset is None else Offset(float(offset["m"]), float(offset["rad"])),
+                   iterations=int(json["iterations"]), map=MapReference.of(json["map"]),
+                   stamp_ns=_integer(json["stamp_ns"]), timing_ms=json["timing_ms"],
+                   warnings=tuple(PoseWarning(each["code"], float(each["ahead_s"])) for each in json["warnings"]),
+                   request_id=json["request_id"], session=json.get("session"),
                    searched_from=json.get("searched_from"), raw=json)
+
+
+@dataclass(frozen=True)
+class GeoPose:
+    """A pose on the Earth as OGC GeoPose 1.0 has it: of the base if `T_base_lidar` was sent, else of the lidar.
+
+    `quaternion` takes the vehicle's axes to east, north and up at the vehicle. `status` is `ok` or `degraded`:
+    GeoPose itself has no word for it. `valid_time_ms` is the scan's stamp."""
+
+    status: str
+    reasons: Tuple[str, ...]
+    latitude_deg: float
+    longitude_deg: float
+    #: Above the ellipsoid.
+    height_m: float
+    quaternion: Quaternion
+    valid_time_ms: Optional[int]
+    raw: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def is_ok(self) -> bool:
+        return self.status == "ok"
+
+    @classmethod
+    def of(cls, json: Mapping[str, Any], headers: Mapping[str, str]) -> "GeoPose":
+        """@param json  of Advanced. @param headers  of the answer, in lower case."""
+        place = dict(part.split("=") for part in json["frameSpecification"]["parameters"].split("&"))
+        reasons = headers.get("stillmap-reasons", "")
+        x, y, z, w = _floats([json["quaternion"][name] for name in "xyzw"])
+        return cls(status=headers["stillmap-status"], reasons=tuple(reasons.split(", ")) if reasons else (),
+                   latitude_deg=float(place["latitude"]), longitude_deg=float(place["longitude"]),
+                   height_m=float(place["height"]), quaternion=(x, y, z, w),
+                   valid_time_ms=_integer(json.get("validTime")), raw=json)
+
+
+@dataclass(frozen=True)
+class SessionInfo:
+    """How a session stands. `pose` is that of the newest scan that was not lost, at `pose_stamp_ns`."""
+
+    #: None for a session of another key.
+    id: Optional[str]
+    label: str
+    map: MapReference
+    active_version: str
+    scans: int
+    status: Optional[str]
+    reasons: Tuple[str, ...]
+    stamp_ns: Optional[int]
+    pose: Optional[Pose]
+    pose_stamp_ns: Optional[int]
+    covariance: Optional[Tuple[float, ...]]
+    covariance_order: Tuple[str, ...]
+    inlier_ratio: Optional[float]
+    idle_s: float
+    idle_limit_s: float
+    #: In lists of sessions.
+    key_id: Optional[str] = None
+    key_name: Optional[str] = None
+    raw: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, json: Mapping[str, Any]) -> "SessionInfo":
+        covariance, inliers = json["covariance"], json["inlier_ratio"]
+        return cls(id=json.get("id"), label=json["label"], map=MapReference.of(json["map"]),
+                   active_version=json["active_version"], scans=int(json["scans"]), status=json["status"],
+                   reasons=tuple(json["reasons"]), stamp_ns=_integer(json["stamp_ns"]), pose=_pose(json["pose"]),
+                   pose_stamp_ns=_integer(json["pose_stamp_ns"]),
+                   covariance=None if covariance is None else _floats(covariance),
+                   covariance_order=tuple(json["covariance_order"]),
+                   inlier_ratio=None if inliers is None else float(inliers), idle_s=float(json["idle_s"]),
+                   idle_limit_s=float(json["idle_limit_s"]), key_id=json.get("key_id"), key_name=json.get("key_name"),
+                   raw=json)
 
 
 @dataclass(frozen=True)
