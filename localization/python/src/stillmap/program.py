@@ -92,8 +92,8 @@ def run(*words: PathText, progress: Callable[[Progress], object] | None = None,
     """Runs a command of the program: `run("inspect", "my_bag")`.
 
     options: `name=value` becomes `--name value`, with `_` as `-`. True is a flag, None and False are left out, a tuple
-    is joined with commas, a list is given value by value. Returns the JSON that the command prints, None if it
-    prints nothing. For the rest see `build`.
+    is joined with commas, a list is given value by value. Returns the JSON that the command prints; None for
+    `simulate`, which prints none. For the rest see `build`.
     """
     command = [_program(), *(os.fspath(word) for word in words), *_option_words(options)]
     if words[0] not in _WITHOUT_JSON:
@@ -137,7 +137,7 @@ class _Run:
 
     def __init__(self, command: list[str], progress: Callable[[Progress], object] | None,
                  cancel: threading.Event | None) -> None:
-        self._progress, self._cancel = progress, cancel
+        self._progress, self._cancel, self._has_json = progress, cancel, "--json" in command
         self._output, self._messages, self._lines = bytearray(), bytearray(), bytearray()
         read_end, write_end = os.pipe()
         if progress is not None:
@@ -168,7 +168,7 @@ class _Run:
         # `localize` ends with 1 when no pose is found, `rebuild` with 4 when the gate refuses; both print their answer.
         if code != 0 and not (code in (1, 4) and self._output):
             raise ProgramError(self._messages.decode(errors="replace").strip() or f"exit code {code}", code)
-        return json.loads(self._output) if self._output else None
+        return json.loads(self._output) if self._has_json else None
 
     def _read_all(self) -> None:
         assert self._process.stdout is not None and self._process.stderr is not None
