@@ -7,7 +7,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Path = str | os.PathLike[str]
+_Path = str | os.PathLike[str]
 
 class InputError(ValueError):
     """A file that cannot be used: the message names it, what was found and what was expected."""
@@ -83,20 +83,20 @@ class Drive:
     def geodetic_origin(self) -> tuple[float, float, float] | None:
         """Latitude, longitude [deg], altitude [m] (WGS 84) of the origin of the poses."""
 
-def open_drive(path: Path, poses: Path | None = None, *, pose_time_offset_s: float = 0.0) -> Drive:
+def open_drive(path: _Path, poses: _Path | None = None, *, pose_time_offset_s: float = 0.0) -> Drive:
     """Opens a drive of any layout of `maps/drives.md`, with the choices behind `?`.
 
     poses: a file of poses instead of the drive's own; `pose_time_offset_s` is added to its stamps.
     Raises InputError.
     """
 
-def read_scan(file: Path, *, bin_columns: str = "xyzi", stamp_ns: int | None = None) -> Scan:
+def read_scan(file: _Path, *, bin_columns: str = "xyzi", stamp_ns: int | None = None) -> Scan:
     """Reads a .pcd, .ply or .bin. bin_columns: a letter for each float32 of a .bin. Raises InputError."""
 
-def read_trajectory(file: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def read_trajectory(file: _Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Stamps (N,) [ns] and poses (N, 4, 4) of a TUM file; copies. Raises InputError."""
 
-def write_trajectory(file: Path, stamps_ns: NDArray[np.int64], poses: ArrayLike) -> None:
+def write_trajectory(file: _Path, stamps_ns: NDArray[np.int64], poses: ArrayLike) -> None:
     """Writes a TUM file. poses: (N, 4, 4). Raises ValueError, StorageError."""
 
 class Map:
@@ -145,7 +145,7 @@ class Map:
     def _points(self, box: ArrayLike | None) -> dict[str, Any]: ...
     def _objects(self, box: ArrayLike | None) -> list[tuple[Any, ...]]: ...
 
-def open_map_folder(folder: Path) -> Map: ...
+def open_map_folder(folder: _Path) -> Map: ...
 
 class ProtectionLevels:
     """Bounds of the errors of an `ok` pose, each exceeded once in a thousand; infinite where there is none."""

@@ -129,7 +129,7 @@ def _option_words(options: dict[str, Any]) -> list[str]:
 def _text_of(value: Any) -> str:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return ",".join(_text_of(each) for each in value)
-    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+    return str(value)
 
 
 class _Run:
