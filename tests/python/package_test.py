@@ -300,6 +300,16 @@ class WrongArguments(unittest.TestCase):
                      stillmap.Scan(points), np.zeros(5, np.float32))
         self.refused("10", localize, points + 1, np.full(5, 11, np.float32))
 
+    def test_scans_of_a_session(self):
+        session, scan = self.localizer.session(), stillmap.Scan(np.ones((5, 3), np.float32), stamp_ns=1)
+        self.refused("stamp_ns: found float, expected a whole number, or a Scan", session.track, 1.5, scan.points)
+        self.refused("points: found None, expected", session.track, 1)
+        self.refused("points: found float32 array with shape (5, 3), expected None beside a Scan", session.track, scan,
+                     scan.points)
+        self.refused("covariance: found float64 array with shape (3, 3)", session.initialize, np.eye(4), np.eye(3))
+        self.refused("", session.initialize, np.eye(4), np.zeros((6, 6)))
+        self.refused("covariance", stillmap.OdometryStep, 1, np.eye(4), 1.0)
+
     def test_priors(self):
         localize, points = self.localizer.localize, np.ones((5, 3), np.float32)
         self.refused("prior: found float64 array with shape (3, 4), expected a 4 x 4 matrix", localize, points,

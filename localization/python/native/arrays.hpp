@@ -77,7 +77,7 @@ template <typename Value>
   const Value* data = kept->data();
   py::capsule owner(kept.get(),
                     [](void* vector) { delete static_cast<std::vector<Value>*>(vector); });
-  kept.release();
+  static_cast<void>(kept.release());
   return py::array(py::dtype::of<Value>(), std::move(shape), data, owner);
 }
 

@@ -103,38 +103,39 @@ Localizer make_localizer(const MapHandle& map, const std::string& method, const 
   return {localization::make_aligner(method, *map.package, options), options.tracker};
 }
 
-AlignmentResult localize(const Localizer& self, const py::object& points, const py::object& times,
-                         const py::object& prior, const py::object& prior_covariance,
-                         const py::object& movable) {
-  const AskedScan scan(points, times, movable);
-  std::optional<localization::Prior> start;
-  if (!prior.is_none()) {
-    start = localization::Prior{pose_of("prior", prior), std::nullopt};
-    if (!prior_covariance.is_none())
-      start->covariance = matrix6_of("prior_covariance", prior_covariance);
-  } else if (!prior_covariance.is_none()) {
+std::optional<localization::Prior> prior_of(const py::object& prior,
+                                            const py::object& prior_covariance) {
+  if (prior.is_none()) {
+    if (prior_covariance.is_none()) return std::nullopt;
     throw argument_error("prior", "None beside prior_covariance",
                          "a 4 x 4 matrix; or leave out prior_covariance");
   }
-  const py::gil_scoped_release release;
-  return self.aligner->align(scan.cloud(), start);
+  localization::Prior start{pose_of("prior", prior), std::nullopt};
+  if (!prior_covariance.is_none())
+    start.covariance = matrix6_of("prior_covariance", prior_covariance);
+  return start;
 }
 
-TrackedPose track(Session& self, const py::object& stamp_or_scan, const py::object& points,
-                  const py::object& times,
-                  const std::optional<localization::OdometryStep>& odometry,
-                  const py::object& movable) {
-  std::int64_t stamp_ns = 0;
-  const bool is_scan = py::isinstance<maps::Scan>(stamp_or_scan);
-  if (is_scan) {
-    if (!points.is_none())
-      throw argument_error("points", description_of(points),
-                           "None beside a Scan, which has its own");
-    stamp_ns = stamp_or_scan.cast<maps::Scan&>().stamp_ns;
-  } else {
-    stamp_ns = py::int_(stamp_or_scan).cast<std::int64_t>();
+AlignmentResult localize(const Localizer& self, const AskedScan& scan,
+                         const std::optional<localization::Prior>& prior) {
+  const py::gil_scoped_release release;
+  return self.aligner->align(scan.cloud(), prior);
+}
+
+/// What `Session.track` is given first: the scan itself, or the stamp of one in arrays.
+std::int64_t stamp_of(const py::object& stamp_or_scan, const py::object& points) {
+  if (!py::isinstance<maps::Scan>(stamp_or_scan)) {
+    if (PyIndex_Check(stamp_or_scan.ptr()) == 0)
+      throw argument_error("stamp_ns", description_of(stamp_or_scan), "a whole number, or a Scan");
+    return stamp_or_scan.cast<std::int64_t>();
   }
-  const AskedScan scan(is_scan ? stamp_or_scan : points, times, movable);
+  if (!points.is_none())
+    throw argument_error("points", description_of(points), "None beside a Scan, which has its own");
+  return stamp_or_scan.cast<maps::Scan&>().stamp_ns;
+}
+
+TrackedPose track(Session& self, std::int64_t stamp_ns, const AskedScan& scan,
+                  const std::optional<localization::OdometryStep>& odometry) {
   const py::gil_scoped_release release;
   return self.track(stamp_ns, scan.cloud(), odometry);
 }
@@ -254,9 +255,18 @@ void bind_session(py::module_& module) {
             self.initialize(T, matrix);
           },
           py::arg("T_map_lidar"), py::arg("covariance"))
-      .def("track", &track, py::arg("stamp_ns"), py::arg("points") = py::none(),
-           py::arg("times") = py::none(), py::kw_only(), py::arg("odometry") = py::none(),
-           py::arg("movable") = py::none());
+      .def(
+          "track",
+          [](Session& self, const py::object& stamp_or_scan, const py::object& points,
+             const py::object& times, const std::optional<localization::OdometryStep>& odometry,
+             const py::object& movable) {
+            const std::int64_t stamp_ns = stamp_of(stamp_or_scan, points);
+            const bool is_scan = py::isinstance<maps::Scan>(stamp_or_scan);
+            return track(self, stamp_ns,
+                         AskedScan(is_scan ? stamp_or_scan : points, times, movable), odometry);
+          },
+          py::arg("stamp_ns"), py::arg("points") = py::none(), py::arg("times") = py::none(),
+          py::kw_only(), py::arg("odometry") = py::none(), py::arg("movable") = py::none());
 }
 
 }  // namespace
@@ -268,9 +278,17 @@ void bind_localization(py::module_& module) {
       .def(py::init(&make_localizer), py::arg("map"), py::kw_only(), py::arg("method") = "default",
            py::arg("preset") = "vehicle", py::arg("options") = std::map<std::string, double>{},
            py::call_guard<py::gil_scoped_release>())
-      .def("localize", &localize, py::arg("points"), py::arg("times") = py::none(), py::kw_only(),
-           py::arg("prior") = py::none(), py::arg("prior_covariance") = py::none(),
-           py::arg("movable") = py::none())
+      .def(
+          "localize",
+          [](const Localizer& self, const py::object& points, const py::object& times,
+             const py::object& prior, const py::object& prior_covariance,
+             const py::object& movable) {
+            return localize(self, AskedScan(points, times, movable),
+                            prior_of(prior, prior_covariance));
+          },
+          py::arg("points"), py::arg("times") = py::none(), py::kw_only(),
+          py::arg("prior") = py::none(), py::arg("prior_covariance") = py::none(),
+          py::arg("movable") = py::none())
       .def("session", [](const Localizer& self) { return std::make_unique<Session>(self); });
   module.def("methods", &localization::aligner_names);
   module.def("pose_matrix", &pose_matrix, py::arg("position"), py::arg("quaternion"));
