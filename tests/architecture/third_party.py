@@ -14,7 +14,7 @@ import subprocess
 import sys
 
 HEADER_ONLY = {"libeigen3-dev": "both", "nlohmann-json3-dev": "both", "libcli11-dev": "both",
-               "libnanoflann-dev": "both"}
+               "libnanoflann-dev": "both", "pybind11-dev": "Python package"}
 # The C and C++ run-time that every program of the system shares.
 SYSTEM = {"libc6", "libstdc++6", "libgcc-s1"}
 

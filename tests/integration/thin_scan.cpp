@@ -1,5 +1,6 @@
 // A raw scan as `application/vnd.stillmap.scan`, by the header that clients share with the server.
-// usage: thin_scan FILE 3|4|5 exact|compact OWN_VEHICLE_M >OUT     numbers a point; the fifth is the time
+// usage: thin_scan FILE 3|4|5 exact|compact OWN_VEHICLE_M >OUT     numbers a point; the fifth is
+// the time
 #include <stillmap/localization/thin_scan.hpp>
 
 #include <cstdio>

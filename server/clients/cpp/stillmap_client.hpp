@@ -1,5 +1,7 @@
 #pragma once
 
+#include <stillmap/localization/thin_scan.hpp>
+
 #include <httplib.h>
 
 #include <algorithm>
@@ -520,6 +522,15 @@ class Client {
     if (!key.empty()) http_.set_bearer_token_auth(key);
   }
 
+  /// Of a scan only what is matched is sent, by default as `ThinProfile::kExact`, which is answered
+  /// as the whole scan. With boxes of `movable` or another method the whole scan is sent.
+  /// @param profile  nothing = whole scans. @param own_vehicle_m  as the server's option.
+  void thin_scans(std::optional<localization::ThinProfile> profile,
+                  double own_vehicle_m = localization::kOwnVehicleM) {
+    thin_profile_ = profile;
+    own_vehicle_m_ = own_vehicle_m;
+  }
+
   /// Where a scan was taken; the status is `lost` when that cannot be said.
   /// @throws Problem, ConnectionLost.
   PoseAnswer localize(const std::string& map, const Points& points, const Query& query = {}) {
@@ -549,12 +560,12 @@ class Client {
                                           const std::string& version = {},
                                           std::optional<std::chrono::milliseconds> deadline = {}) {
     nlohmann::json request = {{"queries", nlohmann::json::array()}};
-    std::vector<Points> scans;
+    std::vector<Body> scans;
     for (const BatchItem& item : items) {
       nlohmann::json query = detail::to_json(item.query);
-      query["layout"] = item.points.layout;
+      scans.push_back(body_of(item.points, is_to_thin(item.query)));
+      if (!is_thin(scans.back())) query["layout"] = item.points.layout;
       request["queries"].push_back(std::move(query));
-      scans.push_back(item.points);
     }
     if (deadline) request["deadline_ms"] = deadline->count();
     const Body body = multipart(request, scans, "scan-");
@@ -729,6 +740,7 @@ class Client {
     std::string bytes;
     std::string type;
   };
+  static constexpr const char* kThinScan = "application/vnd.stillmap.scan";
 
   struct Request {
     std::string target;
@@ -773,13 +785,33 @@ class Client {
     }
   }
 
+  static bool is_to_thin(const Query& query) {
+    return query.movable.empty() && (query.method.empty() || query.method == "default");
+  }
+  static bool is_thin(const Body& scan) { return scan.type == kThinScan; }
+
   /// The server reads little-endian floats, as every machine that has a lidar writes them.
-  static std::string bytes_of(const Points& points) {
-    return {reinterpret_cast<const char*>(points.data), points.floats * sizeof(float)};
+  /// @param may_thin  what the server does with it allows that.
+  [[nodiscard]] Body body_of(const Points& points, bool may_thin) const {
+    const std::size_t bytes = points.floats * sizeof(float);
+    if (may_thin && thin_profile_) {
+      localization::ScanView view;
+      view.xyz = points.data;
+      view.xyz_stride_bytes = points.layout.size() * sizeof(float);
+      view.size = points.floats / points.layout.size();
+      if (points.layout == "xyzit") {
+        view.time_s = points.data + 4;
+        view.time_stride_bytes = view.xyz_stride_bytes;
+      }
+      const std::vector<char> thin =
+          localization::encode_thin_scan(view, *thin_profile_, own_vehicle_m_);
+      if (thin.size() < bytes) return {{thin.begin(), thin.end()}, kThinScan};
+    }
+    return {{reinterpret_cast<const char*>(points.data), bytes}, "application/octet-stream"};
   }
 
   /// @param name  of the parts of the scans: `scan`, or `scan-` with their numbers behind it.
-  static Body multipart(const nlohmann::json& request, const std::vector<Points>& scans,
+  static Body multipart(const nlohmann::json& request, const std::vector<Body>& scans,
                         const std::string& name) {
     // The server looks for it at the start of a line only, and floats are what they are.
     const std::string boundary = "stillmap-" + std::to_string(std::random_device{}()) + "-" +
@@ -792,10 +824,8 @@ class Client {
               "multipart/form-data; boundary=" + boundary};
     for (std::size_t i = 0; i < scans.size(); ++i) {
       const bool numbered = !name.empty() && name.back() == '-';
-      body.bytes += head(numbered ? name + std::to_string(i) : name, "application/octet-stream");
-      body.bytes.append(reinterpret_cast<const char*>(scans[i].data),
-                        scans[i].floats * sizeof(float));
-      body.bytes += "\r\n";
+      body.bytes += head(numbered ? name + std::to_string(i) : name, scans[i].type.c_str());
+      body.bytes += scans[i].bytes + "\r\n";
     }
     body.bytes += "--" + boundary + "--\r\n";
     return body;
@@ -805,13 +835,15 @@ class Client {
   httplib::Response send_query(const std::string& map, const Points& points, const Query& query,
                                const char* accept) {
     const std::string path = place_of(map, query.version) + "/localize";
+    const Body scan = body_of(points, is_to_thin(query));
     if (query.T_base_lidar || !query.movable.empty() || (query.prior && query.prior->covariance)) {
       nlohmann::json request = detail::to_json(query);
       if (query.deadline) request["deadline_ms"] = query.deadline->count();
-      request["layout"] = points.layout;
-      return post({path, multipart(request, {points}, "scan"), accept, true, {}, query.deadline});
+      if (!is_thin(scan)) request["layout"] = points.layout;
+      return post({path, multipart(request, {scan}, "scan"), accept, true, {}, query.deadline});
     }
-    httplib::Params flat = {{"layout", points.layout}};
+    httplib::Params flat;
+    if (!is_thin(scan)) flat.emplace("layout", points.layout);
     if (query.prior) {
       flat.emplace("prior_t", joined(query.prior->pose.position));
       flat.emplace("prior_q", joined(query.prior->pose.quaternion));
@@ -826,31 +858,24 @@ class Client {
     if (query.stamp_ns) flat.emplace("stamp_ns", std::to_string(*query.stamp_ns));
     if (!query.method.empty()) flat.emplace("method", query.method);
     if (query.deadline) flat.emplace("deadline_ms", std::to_string(query.deadline->count()));
-    return post({httplib::append_query_params(path, flat),
-                 {bytes_of(points), "application/octet-stream"},
-                 accept,
-                 true,
-                 {},
-                 query.deadline});
+    return post({httplib::append_query_params(path, flat), scan, accept, true, {}, query.deadline});
   }
 
   httplib::Response send_scan(const std::string& session, const Points& points,
                               std::int64_t stamp_ns, const ScanOptions& options,
                               const char* accept) {
     const std::string path = "/v1/sessions/" + session + "/scans";
+    const Body scan = body_of(points, options.movable.empty());
     if (options.odometry || options.T_base_lidar || !options.movable.empty()) {
       nlohmann::json request = detail::to_json(options, stamp_ns);
-      request["layout"] = points.layout;
-      return post({path, multipart(request, {points}, "scan"), accept, false, options.retries,
+      if (!is_thin(scan)) request["layout"] = points.layout;
+      return post({path, multipart(request, {scan}, "scan"), accept, false, options.retries,
                    options.deadline});
     }
-    httplib::Params flat = {{"stamp_ns", std::to_string(stamp_ns)}, {"layout", points.layout}};
+    httplib::Params flat = {{"stamp_ns", std::to_string(stamp_ns)}};
+    if (!is_thin(scan)) flat.emplace("layout", points.layout);
     if (options.deadline) flat.emplace("deadline_ms", std::to_string(options.deadline->count()));
-    return post({httplib::append_query_params(path, flat),
-                 {bytes_of(points), "application/octet-stream"},
-                 accept,
-                 false,
-                 options.retries,
+    return post({httplib::append_query_params(path, flat), scan, accept, false, options.retries,
                  options.deadline});
   }
 
@@ -938,6 +963,8 @@ class Client {
   }
 
   httplib::Client http_;
+  std::optional<localization::ThinProfile> thin_profile_ = localization::ThinProfile::kExact;
+  double own_vehicle_m_ = localization::kOwnVehicleM;
   std::chrono::milliseconds timeout_;
   int retries_;
 };

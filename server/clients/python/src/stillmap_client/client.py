@@ -18,6 +18,7 @@ from .archive import Archive
 from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem
 from .scan import Scan, multipart, scan_part, scan_request
 from .session import Session
+from .thinning import OWN_VEHICLE_M, Thinning
 from .transport import GEOPOSE, Body, Response, Transport, as_object, wait_s
 from .types import (Event, GeoPose, Gnss, MapInfo, MovableBox, Pose, PoseAnswer, Prior, Query, SessionInfo, Version)
 
@@ -72,12 +73,18 @@ class Client:
                  unpacked and brought to the disk, a version that is activated gets its index
     retries      further tries of refused requests (429, 503, after `Retry-After`) and of idempotent ones whose
                  connection was lost
+    thin         of a raw scan only what is matched is sent: "exact" (same answer, 180 kB), "compact" (at most 48 kB,
+                 some mm away) or None (the whole scan). With boxes of `movable`, with another method than the default
+                 and without numpy the whole scan is sent
+    own_vehicle_m  for `thin`: as the server's option of this name
     """
 
     def __init__(self, url: str, key: Optional[str] = None, *, timeout_s: float = 30.0,
-                 slow_timeout_s: float = 3600.0, retries: int = 4, context: Optional[ssl.SSLContext] = None) -> None:
+                 slow_timeout_s: float = 3600.0, retries: int = 4, context: Optional[ssl.SSLContext] = None,
+                 thin: Optional[str] = "exact", own_vehicle_m: float = OWN_VEHICLE_M) -> None:
         self._transport = Transport(url, key, timeout_s, retries, context)
         self._slow_timeout_s = slow_timeout_s
+        self.thinning = Thinning(thin, own_vehicle_m)
 
     def close(self) -> None:
         """Closes the calling thread's connection; those of other threads end with them."""
@@ -109,7 +116,7 @@ class Client:
         """Several scans in one request. @return for each, in their order, its answer or why it was refused."""
         wanted, scans = [], []
         for i, query in enumerate(queries):
-            part, of_scan = scan_part(f"scan-{i}", query.scan, query.layout)
+            part, of_scan = scan_part(f"scan-{i}", query.scan, query.layout, self._thinning_of(query))
             wanted.append({**_parameters(query), **of_scan})
             scans.append(part)
         request: Dict[str, Any] = {"queries": wanted}
@@ -123,6 +130,9 @@ class Client:
 
         return self._transport.call("POST", _place(map, version) + "/localize/batch", body=body, headers=headers,
                                     timeout_s=self._transport.patience_s(deadline_ms)).json(read)
+
+    def _thinning_of(self, query: Query) -> Optional[Thinning]:
+        return self.thinning if not query.movable and query.method in (None, "default") else None
 
     def _localize(self, map: str, version: Optional[str], query: Query, deadline_ms: Optional[int],
                   accept: Optional[str]) -> Response:
@@ -141,7 +151,7 @@ class Client:
         if gnss is not None:
             altitude = "" if gnss.altitude_m is None else _csv([gnss.altitude_m])
             flat["gnss"] = ",".join((_csv([gnss.latitude_deg, gnss.longitude_deg]), altitude, _csv([gnss.sigma_m])))
-        parameters, body, headers = scan_request(query.scan, query.layout, flat, keys)
+        parameters, body, headers = scan_request(query.scan, query.layout, self._thinning_of(query), flat, keys)
         if accept is not None:
             headers["Accept"] = accept
         return self._transport.call("POST", _place(map, version) + "/localize", query=parameters, body=body,
@@ -156,7 +166,7 @@ class Client:
                             ("gnss", gnss and gnss.to_json())):
             if value is not None:
                 wanted[name] = value
-        return self._read(lambda json: Session(self._transport, json), "POST", "/v1/sessions", wanted, idempotent=False,
+        return self._read(lambda json: Session(self._transport, self.thinning, json), "POST", "/v1/sessions", wanted, idempotent=False,
                           retries=retries)
 
     def sessions(self, map: Optional[str] = None) -> List[SessionInfo]:

@@ -8,6 +8,8 @@ import sys
 import uuid
 from typing import Any, Dict, Mapping, Optional, Protocol, Sequence, Tuple, Union
 
+from .thinning import CONTENT_TYPE, Thinning
+
 
 class SupportsBuffer(Protocol):
     """Such as a numpy array (Python 3.9 has no name for the buffer protocol itself)."""
@@ -74,11 +76,14 @@ class Part:
         self.name, self.kind, self.data = name, kind, data
 
 
-def scan_part(name: str, scan: Scan, layout: Optional[str]) -> Tuple[Part, Dict[str, str]]:
-    """A scan as a part, and what its parameters must say of it."""
+def scan_part(name: str, scan: Scan, layout: Optional[str], thinning: Optional[Thinning]) -> Tuple[Part, Dict[str, str]]:
+    """A scan as a part, and what its parameters must say of it. @param thinning  None: whole."""
     if isinstance(scan, Pcd):
         return Part(name, "application/vnd.pcd", bytes(scan)), {}
     data, found = encoded(scan, layout)
+    thin = thinning.body(data, len(found)) if thinning else None
+    if thin is not None:
+        return Part(name, CONTENT_TYPE, thin), {}
     return Part(name, "application/octet-stream", data), {"layout": found}
 
 
@@ -94,14 +99,14 @@ def multipart(request: Mapping[str, Any], scans: Sequence[Part]) -> Tuple[bytes,
     return b"".join(pieces), {"Content-Type": f"multipart/form-data; boundary={boundary}"}
 
 
-def scan_request(scan: Scan, layout: Optional[str], flat: Mapping[str, str],
+def scan_request(scan: Scan, layout: Optional[str], thinning: Optional[Thinning], flat: Mapping[str, str],
                  keys: Mapping[str, Any]) -> Tuple[Dict[str, str], bytes, Dict[str, str]]:
     """Query, body and headers of a scan: flat while it can be, since the server then knows all before the body.
 
     flat    parameters for the query
     keys    the same and more as JSON, when the query cannot hold them; empty when it can
     """
-    part, of_scan = scan_part("scan", scan, layout)
+    part, of_scan = scan_part("scan", scan, layout, thinning)
     if not keys:
         return {**of_scan, **flat}, part.data, {"Content-Type": part.kind}
     body, headers = multipart({**keys, **of_scan}, [part])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Option
 from . import events
 from .errors import ConnectionLost, Problem, StillmapError
 from .scan import Pcd, Scan, encoded, scan_request
+from .thinning import Thinning
 from .transport import GEOPOSE, Response, Transport, wait_s
 from .types import Event, GeoPose, Gnss, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior, SessionInfo
 
@@ -24,8 +25,8 @@ class Session:
     """One vehicle in one version of a map; made by `Client.open_session`. Ends with `close`, or when it is not
     used for `idle_limit_s`. As a context manager it closes itself."""
 
-    def __init__(self, transport: Transport, json: Mapping[str, Any]) -> None:
-        self._transport = transport
+    def __init__(self, transport: Transport, thinning: Thinning, json: Mapping[str, Any]) -> None:
+        self._transport, self._thinning = transport, thinning
         self.id = str(json["id"])
         self.map = MapReference(json["map"]["name"], json["map"]["version"], json["map"]["digest"])
         self.idle_limit_s = float(json["idle_limit_s"])
@@ -69,7 +70,7 @@ class Session:
                 keys["T_base_lidar"] = T_base_lidar.to_json()
             if movable:
                 keys["movable"] = [box.to_json() for box in movable]
-        query, body, headers = scan_request(scan, layout, flat, keys)
+        query, body, headers = scan_request(scan, layout, None if movable else self._thinning, flat, keys)
         if accept is not None:
             headers["Accept"] = accept
         return self._transport.call("POST", self._path + "/scans", query=query, body=body, headers=headers,

@@ -7,7 +7,7 @@ bytes are equal to its. Needs numpy.
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Any, Tuple
+from typing import TYPE_CHECKING, Any, Optional, Tuple
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,6 +22,33 @@ _EDGES_PER_RANGE, _MOST_LONE_EDGES, _SPARSE_POINTS, _DIAGONAL = 32.0, 4.0, 10_00
 _MOST_LONE_SHARE, _MOST_LONE_SHARE_OF_RANGE = 0.15, 0.35
 _COLUMN_M, _MOST_COMPACT_BYTES, _STEPS = 2.0, 48_000, 32_767
 _HEADER = struct.Struct("<4sBBBBIIIIffffI")
+
+
+class Thinning:
+    """How scans are thinned before they are sent. Without numpy they are sent whole.
+
+    profile        "exact", "compact", or None: whole
+    own_vehicle_m  as the server's option
+    """
+
+    def __init__(self, profile: Optional[str], own_vehicle_m: float) -> None:
+        if profile not in (None, *PROFILES):
+            raise ValueError(f"thin: found '{profile}', expected exact, compact or None")
+        self.profile, self.own_vehicle_m = profile, own_vehicle_m
+        try:
+            import numpy  # noqa: F401
+        except ImportError:
+            self.profile = None
+
+    def body(self, raw: bytes, columns: int) -> Optional[bytes]:
+        """What to send instead of float32 points of so many columns; None where these are as short."""
+        if self.profile is None:
+            return None
+        import numpy as np
+
+        points = np.frombuffer(raw, "<f4").astype(np.float32, copy=False).reshape(-1, columns)
+        thin = thin_scan(points, self.profile, self.own_vehicle_m)
+        return thin if len(thin) < len(raw) else None
 
 
 def thin_scan(points: "np.ndarray[Any, Any]", profile: str = "exact", own_vehicle_m: float = OWN_VEHICLE_M) -> bytes:
