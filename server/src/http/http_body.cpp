@@ -10,6 +10,7 @@
 #include <array>
 #include <charconv>
 #include <limits>
+#include <utility>
 
 namespace stillmap::server {
 namespace {
@@ -77,19 +78,42 @@ void check_body(const RequestHead& head, std::optional<std::uint64_t> length, co
   }
 }
 
-std::string read_whole(SocketBody& body, const RequestHead& head, std::size_t most) {
-  std::string whole;
+std::string SpareBodies::take() {
+  const std::scoped_lock lock(mutex_);
+  if (spare_.empty()) return {};
+  std::string body = std::move(spare_.back());
+  spare_.pop_back();
+  return body;
+}
+
+void SpareBodies::give(std::string&& body) {
+  // What scans take: smaller bodies cost little, larger ones would hold much memory for ever.
+  constexpr std::size_t kLeastBytes = std::size_t{64} << 10U;
+  constexpr std::size_t kMostBytes = std::size_t{4} << 20U;
+  constexpr std::size_t kMostSpare = 8;
+  const std::scoped_lock lock(mutex_);
+  if (body.capacity() < kLeastBytes || body.capacity() > kMostBytes || spare_.size() >= kMostSpare)
+    return;
+  spare_.push_back(std::move(body));
+}
+
+std::string read_whole(SocketBody& body, const RequestHead& head, std::size_t most,
+                       std::string&& room) {
+  std::string whole = std::move(room);
   if (content_encoding(head).empty()) {
     constexpr std::size_t kPiece = std::size_t{1} << 20U;
     const auto size = static_cast<std::size_t>(body.size());
     // Memory that is not touched is not taken: what is only announced costs nothing.
     whole.reserve(size);
+    // What was there before is not cleared: all of it is overwritten.
+    if (whole.size() > size) whole.resize(size);
     for (std::size_t filled = 0; !body.is_read();) {
       if (filled == whole.size()) whole.resize(std::min(size, filled + kPiece));
       filled += body.read(std::span(whole).subspan(filled));
     }
     return whole;
   }
+  whole.clear();
   std::array<char, 16384> piece;
   Gunzip gunzip;
   while (const std::size_t count = body.read(piece)) {

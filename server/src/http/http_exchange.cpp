@@ -149,6 +149,9 @@ std::string_view route_label(const Router::Match& match) {
   return pattern.starts_with("/assets/") ? "/assets/{file}" : pattern;
 }
 
+/// Bodies from here on get the memory of earlier ones.
+constexpr std::uint64_t kScanBytes = std::uint64_t{64} << 10U;
+
 std::uint64_t size_of(const HttpResponse& response) {
   return response.source ? response.source->size() : response.body.size();
 }
@@ -211,12 +214,12 @@ class HttpExchange::Library final : public httplib::Server {
     exchange.received();
     // Free for others before the client hears the answer, and so may send its next request.
     exchange.request.reservation.reset();
-    exchange.request.body = {};
+    spare_bodies_.give(std::exchange(exchange.request.body, {}));
     send(exchange, std::move(response), to);
   }
 
   /// @throws ApiError for what is refused before its handler sees it.
-  HttpResponse respond(Exchange& exchange, const httplib::Request& from) const {
+  HttpResponse respond(Exchange& exchange, const httplib::Request& from) {
     if (exchange.refusal) throw ApiError(*exchange.refusal);
     complete_request(exchange, from);
     const std::optional<std::uint64_t> length = announced_length(exchange.head);
@@ -232,14 +235,15 @@ class HttpExchange::Library final : public httplib::Server {
     return handler_.handle(exchange.request, exchange.match);
   }
 
-  HttpResponse respond_to_body(Exchange& exchange, std::uint64_t length) const {
+  HttpResponse respond_to_body(Exchange& exchange, std::uint64_t length) {
     HttpRequest& request = exchange.request;
     invite_body(exchange, length);
     SocketBody body(exchange.socket, length);
     if (exchange.match.route->body == BodyKind::kWhole) {
       request.body =
           read_whole(body, exchange.head,
-                     most_whole_bytes(exchange.head, *exchange.match.route, limits_.bodies));
+                     most_whole_bytes(exchange.head, *exchange.match.route, limits_.bodies),
+                     length >= kScanBytes ? spare_bodies_.take() : std::string());
       request.received = std::chrono::steady_clock::now();
     } else {
       request.stream = &body;
@@ -350,6 +354,7 @@ class HttpExchange::Library final : public httplib::Server {
   Limits limits_;
   const RequestHandler& handler_;
   Metrics* metrics_;
+  SpareBodies spare_bodies_;
   SharedPlaces event_places_;
   std::atomic<std::size_t> answers_bytes_ = 0;
   std::atomic<bool> closing_ = false;

@@ -99,9 +99,8 @@ Client::Answer Client::request(std::string_view method, std::string_view target,
   std::string head(method);
   head.append(" ").append(target).append(" HTTP/1.1\r\nHost: localhost\r\n");
   if (method == "POST") {
-    head +=
-        "Content-Type: application/octet-stream\r\nContent-Length: " + std::to_string(body.size()) +
-        "\r\n";
+    head += "Content-Type: " + content_type_ +
+            "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n";
   }
   head += "\r\n";
   // An idle connection may have been closed meanwhile: once more on a fresh one.

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace stillmap::bench {
 
@@ -11,7 +12,9 @@ namespace stillmap::bench {
 /// is the client. Blocking; one thread at a time.
 class Client {
  public:
-  explicit Client(int port) : port_(port) {}
+  /// @param content_type  of all bodies.
+  explicit Client(int port, std::string content_type = "application/octet-stream")
+      : port_(port), content_type_(std::move(content_type)) {}
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
   ~Client() { close(); }
@@ -32,6 +35,7 @@ class Client {
   [[nodiscard]] Answer receive();
 
   int port_;
+  std::string content_type_;
   int socket_ = -1;
   std::string buffer_;
 };

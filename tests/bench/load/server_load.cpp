@@ -2,8 +2,9 @@
 // a server process, this generator, and the localizer in this process to compare with.
 //
 //   server_load --program STILLMAP --map MAP --drive DRIVE [--seconds 60] [--overload-only]
-//   [--strict]
+//   [--scans raw|exact|compact] [--strict]
 //
+// --scans sends scans whole or thinned (localization/thin_scan.md), of a drive of .bin files.
 // 1. overhead: each scan is posed over HTTP and by the localizer here, in turn; the median of the
 //    differences.
 // 2. CPU: queries per CPU-second of a server with two workers against one with one, in turns.
@@ -73,6 +74,7 @@ struct Arguments {
   double seconds = 60.0;
   bool overload_only = false;
   bool strict = false;
+  std::string scans = "raw";
 };
 
 struct Query {
@@ -98,8 +100,14 @@ double quantile(std::vector<double> values, double share) {
   return *at;
 }
 
+localization::ScanView raw_view(const std::string& body) {
+  const std::size_t stride = maps::raw_point_bytes(maps::ScanFormat::kBinXyzi);
+  return {.xyz = body.data(), .xyz_stride_bytes = stride, .size = body.size() / stride};
+}
+
 /// Scans that the map was not made of, from half a metre and two degrees beside their poses.
-std::vector<Query> read_queries(const std::filesystem::path& folder, const std::string& map) {
+std::vector<Query> read_queries(const std::filesystem::path& folder, const std::string& map,
+                                const std::string& scans) {
   const maps::Drive drive = maps::Drive::open(folder);
   std::vector<Query> queries;
   for (std::size_t i = 1; i < drive.size(); i += 2) {
@@ -113,6 +121,12 @@ std::vector<Query> read_queries(const std::filesystem::path& folder, const std::
                                t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
     std::ifstream file(drive.contents().scan_files[i], std::ios::binary);
     query.body.assign(std::istreambuf_iterator<char>(file), {});
+    if (scans != "raw") {
+      const auto bytes = localization::encode_thin_scan(
+          raw_view(query.body), scans == "exact" ? localization::ThinProfile::kExact
+                                                 : localization::ThinProfile::kCompact);
+      query.body.assign(bytes.begin(), bytes.end());
+    }
     queries.push_back(std::move(query));
   }
   return queries;
@@ -123,13 +137,17 @@ class Load {
   Load(Arguments arguments, std::string map)
       : arguments_(std::move(arguments)),
         map_(std::move(map)),
-        queries_(read_queries(arguments_.drive, map_)) {}
+        queries_(read_queries(arguments_.drive, map_, arguments_.scans)) {}
 
   void measure_overhead();
   void measure_workers();
   /// Again, once, when it missed a limit.
   void measure_overload();
   /// @return the exit code that the limits ask for.
+  [[nodiscard]] bool is_raw() const { return arguments_.scans == "raw"; }
+  [[nodiscard]] std::string content_type() const {
+    return is_raw() ? "application/octet-stream" : "application/vnd.stillmap.scan";
+  }
   [[nodiscard]] int verdict() const { return failures_ > 0 ? 1 : unjudged_ > 0 ? kNotJudged : 0; }
 
  private:
@@ -188,18 +206,21 @@ void Load::measure_overhead() {
   const ServerProcess server(arguments_.program, arguments_.store, 1);
   const auto package = maps::MapPackage::open(arguments_.map);
   const auto aligner = localization::make_aligner("default", *package);
-  Client client(server.port());
+  Client client(server.port(), content_type());
   std::vector<double> http_ms, local_ms, difference_ms, local_cpu_ms;
   double server_cpu_s = 0.0;
   constexpr int kRounds = 8;
   for (int round = 0; round < kRounds; ++round) {
     if (round == 1) server_cpu_s = server.cpu_s();
     for (const Query& query : queries_) {
-      const auto scan = maps::decode_scan(std::as_bytes(std::span(query.body)),
-                                          maps::ScanFormat::kBinXyzi, "scan", 10'000'000);
+      const localization::ScanView whole = raw_view(query.body);
+      const localization::ThinScan sent =
+          is_raw() ? localization::ThinScan{}
+                   : localization::decode_thin_scan(std::as_bytes(std::span(query.body)), "").scan;
       const Clock::time_point local = Clock::now();
       const double cpu_ms = thread_cpu_ms();
-      static_cast<void>(aligner->align(scan.cloud, localization::Prior{query.T_map_prior, {}}));
+      static_cast<void>(aligner->align_thin(is_raw() ? aligner->thin(whole) : sent,
+                                            localization::Prior{query.T_map_prior, {}}));
       local_ms.push_back(1e3 * seconds_since(local));
       local_cpu_ms.push_back(thread_cpu_ms() - cpu_ms);
       const Clock::time_point http = Clock::now();
@@ -229,7 +250,7 @@ double Load::closed_loop(int port, int connections, double seconds) const {
     std::vector<std::jthread> threads;
     for (int i = 0; i < connections; ++i) {
       threads.emplace_back([&, i] {
-        Client client(port);
+        Client client(port, content_type());
         for (std::size_t next = static_cast<std::size_t>(i); seconds_since(begin) < seconds;
              ++next) {
           const Query& query = queries_[next % queries_.size()];
@@ -278,7 +299,7 @@ void Load::open_loop(int port, double rate, double seconds, Tally& tally) const 
   std::vector<std::jthread> threads;
   for (int i = 0; i < kSenders; ++i) {
     threads.emplace_back([&] {
-      Client client(port);
+      Client client(port, content_type());
       for (int mine = next++; mine < total; mine = next++) {
         const auto due = begin + std::chrono::duration_cast<Clock::duration>(Seconds(mine / rate));
         std::this_thread::sleep_until(due);
@@ -415,6 +436,9 @@ int run(int argc, char** argv) {
       ->required();
   app.add_option("--seconds", arguments.seconds, "Of the overload")->capture_default_str();
   app.add_flag("--overload-only", arguments.overload_only, "Neither overhead nor workers");
+  app.add_option("--scans", arguments.scans, "How scans are sent")
+      ->check(CLI::IsMember({"raw", "exact", "compact"}))
+      ->capture_default_str();
   app.add_flag("--strict", arguments.strict, "A figure beyond its limit is a failure");
   CLI11_PARSE(app, argc, argv);
   const test::TemporaryFolder folder;

@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <thread>
 
+#include <stillmap/localization/thin_scan.hpp>
+
 #include "errors/api_error.hpp"
 #include "pose/pose_checks.hpp"
 #include "service_fixture.hpp"
@@ -468,8 +470,51 @@ TEST_F(Localize, PointsThatAreNotFiniteAreNoReturnAsInFiles) {
   const float inf = std::numeric_limits<float>::infinity();
   std::memcpy(request.body.data() + 16, &nan, sizeof(nan));
   std::memcpy(request.body.data() + 40, &inf, sizeof(inf));
-  EXPECT_EQ(ask(request)["status"], "ok");
+  const json answer = ask(request);
+  EXPECT_EQ(answer["status"], "ok");
+  EXPECT_EQ(answer["no_returns"], 2);
   EXPECT_EQ(aligner_->last_scan.size(), 58U);
+}
+
+/// `raw_scan`, thinned for a vehicle of this size.
+std::string thin_scan(const std::string& raw, double own_vehicle_m = localization::kOwnVehicleM) {
+  const localization::ScanView view{
+      .xyz = raw.data(), .xyz_stride_bytes = 16, .size = raw.size() / 16};
+  const auto bytes =
+      localization::encode_thin_scan(view, localization::ThinProfile::kExact, own_vehicle_m);
+  return {bytes.begin(), bytes.end()};
+}
+
+TEST_F(Localize, ThinnedScansAreTaken) {
+  HttpRequest request = good_request();
+  request.headers["content-type"] = "application/vnd.stillmap.scan";
+  std::erase_if(request.query, [](const auto& each) { return each.first == "layout"; });
+  std::string raw;
+  for (int i = 0; i < 60; ++i) {
+    const std::array<float, 4> point{10.0F + static_cast<float>(i), 2.0F, 3.0F, 0.5F};
+    raw.append(reinterpret_cast<const char*>(point.data()), sizeof(point));
+  }
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(raw.data(), &nan, sizeof(nan));
+  request.body = thin_scan(raw);
+  const json answer = ask(request);
+  EXPECT_EQ(answer["status"], "ok");
+  EXPECT_EQ(answer["no_returns"], 1);
+  EXPECT_EQ(aligner_->last_scan.size(), 59U);
+  json parameters = good_json();
+  parameters.erase("points");
+  EXPECT_EQ(ask(multipart_request(parameters.dump(), request.body,
+                                  "application/vnd.stillmap.scan"))["status"],
+            "ok");
+  // Which points lie in boxes is asked of the whole scan.
+  parameters["movable"] = {{{"centre", {3.0, 2.0, 3.0}}, {"size", {0.5, 1.8, 0.5}}, {"yaw", 0.0}}};
+  const json refused =
+      ask(multipart_request(parameters.dump(), request.body, "application/vnd.stillmap.scan"), 415);
+  EXPECT_THAT(refused["detail"], HasSubstr("expected the whole scan"));
+  request.body = thin_scan(raw, 4.0);
+  EXPECT_THAT(ask(request, 400)["detail"], HasSubstr("thinned with own_vehicle_m 4, expected 2.7"));
+  request.body.pop_back();
+  EXPECT_EQ(ask(request, 400)["code"], "InvalidScan");
 }
 
 TEST_F(Localize, RowsOfZerosInAPriorsCovarianceAreNotTold) {
