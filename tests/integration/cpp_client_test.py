@@ -135,7 +135,8 @@ class Streaming(unittest.TestCase):
 
     def test_a_stream_outlives_whatever_an_answer_is(self):
         with fake() as self.port:
-            done, (answered, _, failed, sessions), _ = self.stream(100)
+            # Slow enough that scans are left for the good answers on a busy machine.
+            done, (answered, _, failed, sessions), _ = self.stream(20)
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertGreater(answered, 0)
             self.assertGreaterEqual(failed, len(WRONG))
@@ -150,7 +151,7 @@ class Streaming(unittest.TestCase):
         command = re.search(r"^g\+\+ .*?[^\\]\n", page, re.M | re.S).group(0)
         with tempfile.TemporaryDirectory() as folder:
             made = pathlib.Path(folder) / "stream_drive"
-            subprocess.run(command.replace("-o stream_drive", f"-o {made}"), shell=True, check=True, cwd=root)
+            subprocess.run(command.replace("-o stream_drive", f"-o {made}").replace("-O2", "-O0"), shell=True, check=True, cwd=root)
             self.assertEqual(subprocess.run([made], capture_output=True).returncode, 2)
 
     def test_wrong_usage_is_2(self):

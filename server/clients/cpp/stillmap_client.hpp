@@ -13,8 +13,8 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <functional>
-#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -466,8 +466,10 @@ inline GeoPose geopose_of(const Json& json, const httplib::Response& response) {
 /// Lines of an event stream (WHATWG HTML, 9.2.6, as far as this server uses it).
 class EventReader {
  public:
-  /// @return false once `on_event` did.
+  /// @return false once `on_event` did, or a line has no end.
   bool read(const char* data, std::size_t size, const std::function<bool(const Event&)>& on_event) {
+    constexpr std::size_t kMostLineBytes = 1U << 20U;
+    if (buffer_.size() + data_.size() > kMostLineBytes) return false;
     buffer_.append(data, size);
     std::size_t begin = 0;
     for (std::size_t end; (end = buffer_.find('\n', begin)) != std::string::npos; begin = end + 1) {
@@ -646,6 +648,8 @@ class Client {
               std::optional<std::int64_t> last_id = {}) {
     bool more = true;
     const auto take = [&](const Event& event) {
+      // The server stops; another may start.
+      if (event.type == "end" && !event.id) return true;
       if (event.id) last_id = event.id;
       more = on_event(event) && event.type != "closed";
       return more;
@@ -680,46 +684,44 @@ class Client {
   std::uint64_t download_version(const std::string& map, const std::string& version,
                                  const std::string& path) {
     const std::string part = path + ".part";
+    std::ofstream file;
     std::uint64_t size = 0;
     std::string etag;
-    std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(part.c_str(), "wb"),
-                                                         &std::fclose);
-    if (!file) throw Error(part + ": cannot be written");
+    const auto begin = [&](const httplib::Response& begun) {
+      etag = begun.get_header_value("ETag");
+      if (begun.status == 206) return;
+      // All of it: the first time, or because it is another package than before.
+      size = 0;
+      file.close();
+      file.open(part, std::ios::binary | std::ios::trunc);
+    };
+    const auto take = [&](const char* data, std::size_t count) {
+      size += file.write(data, static_cast<std::streamsize>(count)) ? count : 0;
+      return file.good();
+    };
     be_patient(std::chrono::milliseconds(0));
-    for (int tries = 0;;) {
-      httplib::Headers headers;
+    for (int tries = 1;; ++tries) {
+      // A range is one of the bytes as they are.
+      httplib::Headers headers = {{"Accept-Encoding", "identity"}};
       if (size > 0) {
         headers.emplace("Range", "bytes=" + std::to_string(size) + "-");
         headers.emplace("If-Range", etag);
       }
-      bool written = true;
-      const httplib::Response response = stream(
-          place_of(map, version) + "/content", headers,
-          [&](const char* data, std::size_t count) {
-            written = std::fwrite(data, 1, count, file.get()) == count;
-            size += written ? count : 0;
-            return written;
-          },
-          [&](const httplib::Response& begun) {
-            // Another package than before, or no range: from the start.
-            if (begun.status == 200 && size > 0) {
-              std::rewind(file.get());
-              size = 0;
-            }
-            etag = begun.get_header_value("ETag");
-          });
-      if (!written) throw Error(part + ": cannot be written, is the disk full?");
+      const std::uint64_t before = size;
+      const httplib::Response response =
+          stream(place_of(map, version) + "/content", headers, take, begin);
+      if (!file) throw Error(part + ": cannot be written: look at the folder and the disk's room");
       if (response.status == 200 || response.status == 206) break;
+      if (size > before) tries = 1;
       std::optional<Problem> problem;
       if (response.status > 0) problem = problem_of(response);
-      if (++tries > retries_ || (problem && !is_passing(*problem))) {
-        if (problem) throw *problem;
-        throw ConnectionLost("download of " + map + " " + version + ": the connection was lost");
-      }
+      if (problem && (tries > retries_ || !is_passing(*problem))) throw *problem;
+      if (tries > retries_) throw ConnectionLost("download of " + map + " " + version);
       std::this_thread::sleep_for(wait_time(tries, problem ? &*problem : nullptr));
     }
-    if (std::fclose(file.release()) != 0 || std::rename(part.c_str(), path.c_str()) != 0)
-      throw Error(path + ": cannot be written");
+    file.close();
+    if (!file || std::rename(part.c_str(), path.c_str()) != 0)
+      throw Error(path + ": cannot be written: look at the folder and the disk's room");
     return size;
   }
 
