@@ -29,7 +29,7 @@ WRONG = [(301, "text/html", {"Location": "https://x/"}, PAGE), (200, "text/html"
 POSE = json.dumps({
     "status": "lost", "reasons": [], "pose": None, "covariance": None, "covariance_order": [],
     "protection": dict.fromkeys(("longitudinal_m", "lateral_m", "vertical_m", "yaw_rad")), "inlier_ratio": 0.0,
-    "rmse_m": 0.0, "movable_points": 0, "degenerate_directions": [], "prior_to_pose": None, "iterations": 0,
+    "rmse_m": 0.0, "movable_points": 0, "no_returns": 0, "degenerate_directions": [], "prior_to_pose": None, "iterations": 0,
     "map": {"name": "a", "version": "b", "digest": "c"}, "stamp_ns": "1",
     "timing_ms": {"wait": 0.0, "decode": 0.0, "align": 0.0, "total": 0.0}, "warnings": [], "request_id": "r"}).encode()
 

@@ -113,7 +113,7 @@ class Faults(unittest.TestCase):
     SESSION = (201, {}, b'{"id": "s", "map": {"name": "a", "version": "b", "digest": "c"}, "idle_limit_s": 1}')
     POSE = (200, {}, json.dumps({
         "status": "lost", "reasons": [], "pose": None, "covariance": None, "inlier_ratio": 0.0, "rmse_m": 0.0,
-        "covariance_order": [], "movable_points": 0, "degenerate_directions": [], "prior_to_pose": None,
+        "covariance_order": [], "movable_points": 0, "no_returns": 0, "degenerate_directions": [], "prior_to_pose": None,
         "iterations": 0, "stamp_ns": "1", "warnings": [], "request_id": "r",
         "map": {"name": "a", "version": "b", "digest": "c"}, "timing_ms": {},
         "protection": dict.fromkeys(("longitudinal_m", "lateral_m", "vertical_m", "yaw_rad"))}).encode())

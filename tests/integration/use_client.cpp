@@ -49,6 +49,7 @@ json json_of(const client::PoseAnswer& answer) {
           {"inlier_ratio", answer.inlier_ratio},
           {"rmse_m", answer.rmse_m},
           {"movable_points", answer.movable_points},
+          {"no_returns", answer.no_returns},
           {"degenerate_directions", answer.degenerate_directions},
           {"prior_to_pose", {{"m", answer.prior_to_pose->m}, {"rad", answer.prior_to_pose->rad}}},
           {"iterations", answer.iterations},

@@ -182,6 +182,8 @@ struct PoseAnswer {
   double inlier_ratio = 0.0;
   double rmse_m = 0.0;
   std::int64_t movable_points = 0;
+  /// Points of the scan that say that nothing came back.
+  std::int64_t no_returns = 0;
   /// In the covariance's order; the last three are metres that a turn moves a point 15 m away.
   std::vector<std::array<double, 6>> degenerate_directions;
   std::optional<Offset> prior_to_pose;
@@ -394,6 +396,7 @@ inline PoseAnswer answer_of(const Json& json) {
   answer.inlier_ratio = json.at("inlier_ratio");
   answer.rmse_m = json.at("rmse_m");
   answer.movable_points = json.at("movable_points");
+  answer.no_returns = json.at("no_returns");
   answer.degenerate_directions =
       json.at("degenerate_directions").get<std::vector<std::array<double, 6>>>();
   if (const Json& offset = json.at("prior_to_pose"); !offset.is_null())

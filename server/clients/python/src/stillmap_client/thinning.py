@@ -80,8 +80,8 @@ def thin_scan(points: "np.ndarray[Any, Any]", profile: str = "exact", own_vehicl
                           step_m if compact else 0.0, step_s if compact else 0.0, 0)
     if compact:
         planes = [_steps(xyz[:, axis], step_m) for axis in range(3)] + ([_steps(times, step_s)] if has_times else [])
-        return header + b"".join(planes)
-    return header + xyz.astype("<f4").tobytes() + times.astype("<f4").tobytes()
+        return bytes(header + b"".join(planes))
+    return bytes(header + xyz.astype("<f4").tobytes() + times.astype("<f4").tobytes())
 
 
 def _step(values: "np.ndarray[Any, Any]") -> "np.float32":
@@ -95,9 +95,9 @@ def _steps(values: "np.ndarray[Any, Any]", step: "np.float32") -> bytes:
     import numpy as np
 
     if step == 0:
-        return np.zeros(len(values), "<i2").tobytes()
+        return bytes(2 * len(values))
     quotients = (values / step).astype(np.float64)
-    return (np.sign(quotients) * np.floor(np.abs(quotients) + 0.5)).astype("<i2").tobytes()
+    return bytes((np.sign(quotients) * np.floor(np.abs(quotients) + 0.5)).astype("<i2").tobytes())
 
 
 class _Scan:
@@ -168,7 +168,9 @@ class _Scan:
         cells = read[order[starts]]
         by_order = np.argsort(cells)
         cells, counts = cells[by_order], counts[by_order]
-        return cells if self.count < _SPARSE_POINTS else cells[~self._lone(cells, counts, cell_m)]
+        if self.count >= _SPARSE_POINTS:
+            cells = cells[~self._lone(cells, counts, cell_m)]
+        return np.asarray(cells)
 
     def _lone(self, cells: "np.ndarray[Any, Any]", counts: "np.ndarray[Any, Any]",
               cell_m: float) -> "np.ndarray[Any, Any]":
@@ -179,7 +181,7 @@ class _Scan:
         from_m, edge_m = np.float32(0), np.float32(cell_m)
         while edge_m <= np.float32(_MOST_LONE_EDGES) * np.float32(cell_m):
             to_m = np.float32(_EDGES_PER_RANGE) * edge_m
-            found.append(self._lone_in_range(cells, counts, edge_m, (from_m, to_m), edge_m > np.float32(cell_m)))
+            found.append(self._lone_in_range(cells, counts, edge_m, (from_m, to_m), bool(edge_m > cell_m)))
             from_m, edge_m = to_m, edge_m * np.float32(2)
         many = sum(len(lone) for lone, _ in found) > _MOST_LONE_SHARE * counts.sum()
         flags = np.zeros(len(cells), bool)
@@ -195,7 +197,7 @@ class _Scan:
         range2 = self.range2[cells]
 
         def is_within(near_m: "np.float32", far_m: "np.float32") -> "np.ndarray[Any, Any]":
-            return (range2 >= near_m * near_m) & (range2 < far_m * far_m)
+            return np.asarray((range2 >= near_m * near_m) & (range2 < far_m * far_m))
 
         inside = is_within(*bounds)
         margin_m = np.float32(_DIAGONAL) * edge_m if is_coarse else np.float32(0)
@@ -212,4 +214,4 @@ def _keys(xyz: "np.ndarray[Any, Any]", edge_m: Any) -> "np.ndarray[Any, Any]":
     import numpy as np
 
     cells = np.floor(xyz / np.float32(edge_m)).astype(np.int64) + (1 << 20)
-    return (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+    return np.asarray((cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2])

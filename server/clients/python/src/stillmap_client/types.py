@@ -197,6 +197,8 @@ class PoseAnswer:
     inlier_ratio: float
     rmse_m: float
     movable_points: int
+    #: Points of the scan that say that nothing came back.
+    no_returns: int
     degenerate_directions: Tuple[Tuple[float, ...], ...]
     prior_to_pose: Optional[Offset]
     iterations: int
@@ -225,6 +227,7 @@ class PoseAnswer:
                                          bounds["yaw_rad"]),
                    inlier_ratio=float(json["inlier_ratio"]), rmse_m=float(json["rmse_m"]),
                    movable_points=int(json["movable_points"]),
+                   no_returns=int(json["no_returns"]),
                    degenerate_directions=tuple(_floats(each) for each in json["degenerate_directions"]),
                    prior_to_pose=None if offset is None else Offset(float(offset["m"]), float(offset["rad"])),
                    iterations=int(json["iterations"]), map=MapReference.of(json["map"]),
