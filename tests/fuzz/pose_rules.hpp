@@ -60,9 +60,9 @@ inline void require_bounds(const server::PoseRequest& request,
     return;
   }
   const auto* cloud = std::get_if<maps::PointCloud>(&request.scan_lidar);
-  const localization::ScanView scan =
-      cloud != nullptr ? localization::view_of(*cloud)
-                       : std::get<localization::ScanView>(request.scan_lidar);
+  const localization::ScanView scan = cloud != nullptr
+                                          ? localization::view_of(*cloud)
+                                          : std::get<localization::ScanView>(request.scan_lidar);
   const maps::PointCloud points = localization::whole_scan(scan).points_lidar;
   require_whole(points);
   require(points.size() >= options.min_scan_points && points.size() <= options.max_scan_points,

@@ -5,7 +5,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace stillmap;
   if (size == 0) return 0;
   const std::string_view body = fuzz::text_of(data + 1, size - 1);
-  switch (data[0] % 4) {
+  switch (data[0] % 5) {
     case 0:
       fuzz::read_and_require("application/octet-stream", body);
       break;
@@ -14,6 +14,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 3:
       fuzz::read_and_require("application/octet-stream", body, {{"layout", "xyzit"}});
+      break;
+    case 4:
+      fuzz::read_and_require("application/vnd.stillmap.scan", body);
       break;
     default:
       fuzz::read_and_require("application/vnd.pcd", body);

@@ -57,6 +57,10 @@ def make_scans(put):
     packed = lzf_literals(planes)
     put("scan_body", "xyzi", b"\0" + floats(POINTS))
     put("scan_body", "xyz", b"\1" + floats(POINTS, 3))
+    n = len(POINTS)
+    for name, profile, step, payload in (("exact", 0, 0.0, floats(POINTS, 3)), ("compact", 1, 0.01, bytes(range(6 * n)))):
+        header = struct.pack("<4sBBBBIIIIffffI", b"SMTS", 1, profile, 0, 0, n, n, n, 0, 0.5, 2.7, step, 0.0, 0)
+        put("scan_body", "thin_" + name, b"\4" + header + payload)
     put("scan_body", "pcd", b"\2" + pcd("binary", body=floats(POINTS)))
     put_cloud("pcd", "ascii", pcd("ascii", body=text))
     put_cloud("pcd", "binary", pcd("binary", body=floats(POINTS)))

@@ -285,8 +285,7 @@ TEST(BadInput, HugeScansOfNothingAreNotOk) { ask_all(huge_scans()); }
 
 TEST(BadInput, AsManyPointsAreUsedOfAHugeScanAsOfAnyOther) {
   for (const ScanCase& each : huge_scans()) {
-    EXPECT_LE(thin_points(view_of(each.scan)).matched, kMaxQueryPoints)
-        << each.what;
+    EXPECT_LE(thin_points(view_of(each.scan)).matched, kMaxQueryPoints) << each.what;
     EXPECT_LE(thinned(each.scan.positions, 0.5).size(), kMaxThinnedPoints) << each.what;
   }
 }

@@ -90,7 +90,10 @@ inline float squared_range(const std::array<float, 3>& p) {
 
 inline std::uint64_t key_of(const std::array<float, 3>& p, float edge_m) {
   const auto cell_of = [&](float coordinate_m) {
-    return static_cast<std::int32_t>(std::floor(coordinate_m / edge_m)) + maps::kCellsPerAxis / 2;
+    // std::floor is a call of the library where the compiler may not use SSE 4.1.
+    const float cells = coordinate_m / edge_m;
+    const auto towards_0 = static_cast<std::int32_t>(cells);
+    return towards_0 - (cells < static_cast<float>(towards_0) ? 1 : 0) + maps::kCellsPerAxis / 2;
   };
   return maps::cell_key(cell_of(p[0]), cell_of(p[1]), cell_of(p[2]));
 }
@@ -207,11 +210,18 @@ struct ScanCounts {
   CellTable table(counts.points / 8);
   const std::size_t step = counts.points / kMaxRead + 1;
   const float nearest2 = counts.nearest_m * counts.nearest_m;
+  std::uint64_t last_key = std::numeric_limits<std::uint64_t>::max();
+  std::uint32_t last_cell = 0;
   for (std::size_t i = 0; i < scan.size; i += step) {
     const std::array<float, 3> p = scan.point(i);
     const float range2 = squared_range(p);
     if (!(range2 < kMaxRangeM * kMaxRangeM) || range2 < nearest2 || range2 == 0.0F) continue;
-    const auto [cell, inserted] = table.insert(key_of(p, cell_m));
+    // Neighbours in a scan mostly lie in one cell.
+    const std::uint64_t key = key_of(p, cell_m);
+    const bool is_same = key == last_key;
+    const auto [cell, inserted] = is_same ? std::pair(last_cell, false) : table.insert(key);
+    last_key = key;
+    last_cell = cell;
     if (inserted) {
       cells.points.push_back(i);
       cells.counts.push_back(1);
