@@ -8,6 +8,8 @@
 
 #include <stillmap/localization/movable.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <exception>

@@ -180,11 +180,13 @@ struct ScanCounts {
   /// Range below which points are left out [m]: `own_vehicle_m`, or 0 where a quarter of the points
   /// is that near.
   float nearest_m = 0.0F;
+  float own_vehicle_m = 0.0F;
 };
 
 [[nodiscard]] inline ScanCounts count_points(const ScanView& scan, double own_vehicle_m) {
   const auto own_m = static_cast<float>(own_vehicle_m);
   ScanCounts counts;
+  counts.own_vehicle_m = own_m;
   std::size_t near = 0;
   for (std::size_t i = 0; i < scan.size; ++i) {
     const bool is_point = scan.is_point(i);
@@ -334,33 +336,17 @@ void append_steps(std::vector<char>& bytes, const ThinPoints& thin, float step,
     append(bytes, static_cast<std::int16_t>(step > 0.0F ? std::lround(value(i) / step) : 0));
 }
 
-}  // namespace thin_detail
-
-/// A scan as `application/vnd.stillmap.scan`.
-/// @param own_vehicle_m  as the server's option of this name.
-[[nodiscard]] inline std::vector<char> encode_thin_scan(const ScanView& scan, ThinProfile profile,
-                                                        double own_vehicle_m = kOwnVehicleM) {
-  using namespace thin_detail;
-  constexpr float kSteps = std::numeric_limits<std::int16_t>::max();
-  ThinPoints thin = thin_points(scan, own_vehicle_m);
-  const bool has_times = scan.time_s != nullptr;
-  const bool is_compact = profile == ThinProfile::kCompact;
-  const std::size_t values = has_times ? 4 : 3;
-  if (is_compact)
-    keep_lowest(scan, thin, (kMostCompactBytes - kHeaderBytes) / (values * sizeof(std::int16_t)));
-  const auto axis = [&](std::size_t k) {
-    return [&scan, k](std::size_t i) { return scan.point(i)[k]; };
-  };
-  const auto time = [&](std::size_t i) { return scan.time(i); };
+/// How numbers of a body are written: as they are, or in steps where these are not 0.
+struct Steps {
   float step_m = 0.0F;
-  for (std::size_t k = 0; k < 3; ++k) step_m = std::fmax(step_m, farthest(thin, axis(k)) / kSteps);
-  const float step_s = has_times ? farthest(thin, time) / kSteps : 0.0F;
+  float step_s = 0.0F;
+};
 
-  std::vector<char> bytes;
-  bytes.reserve(kHeaderBytes + thin.indices.size() * values * sizeof(float));
+inline void append_header(std::vector<char>& bytes, const ThinPoints& thin, ThinProfile profile,
+                          bool has_times, const Steps& steps) {
   for (const char c : {'S', 'M', 'T', 'S'}) bytes.push_back(c);
   append(bytes, kVersion);
-  append(bytes, static_cast<std::uint8_t>(is_compact ? 1 : 0));
+  append(bytes, static_cast<std::uint8_t>(profile == ThinProfile::kCompact ? 1 : 0));
   const bool near_kept = thin.counts.nearest_m == 0.0F;
   append(bytes,
          static_cast<std::uint8_t>((has_times ? kHasTimes : 0) | (near_kept ? kNearKept : 0)));
@@ -370,19 +356,61 @@ void append_steps(std::vector<char>& bytes, const ThinPoints& thin, float step,
   append(bytes, static_cast<std::uint32_t>(thin.counts.points));
   append(bytes, static_cast<std::uint32_t>(thin.counts.no_returns));
   append(bytes, thin.cell_m);
-  append(bytes, static_cast<float>(own_vehicle_m));
-  append(bytes, is_compact ? step_m : 0.0F);
-  append(bytes, is_compact ? step_s : 0.0F);
+  append(bytes, thin.counts.own_vehicle_m);
+  append(bytes, steps.step_m);
+  append(bytes, steps.step_s);
   append(bytes, std::uint32_t{0});
-  if (is_compact) {
-    for (std::size_t k = 0; k < 3; ++k) append_steps(bytes, thin, step_m, axis(k));
-    if (has_times) append_steps(bytes, thin, step_s, time);
-  } else {
-    for (const std::size_t i : thin.indices)
-      for (const float coordinate : scan.point(i)) append(bytes, coordinate);
-    if (has_times)
-      for (const std::size_t i : thin.indices) append(bytes, scan.time(i));
+}
+
+inline void append_exact(std::vector<char>& bytes, const ScanView& scan, const ThinPoints& thin) {
+  for (const std::size_t i : thin.indices)
+    for (const float coordinate : scan.point(i)) append(bytes, coordinate);
+  if (scan.time_s == nullptr) return;
+  for (const std::size_t i : thin.indices) append(bytes, scan.time(i));
+}
+
+/// Steps of which the largest number has as many as fit.
+inline Steps steps_of(const ScanView& scan, const ThinPoints& thin) {
+  constexpr float kMostSteps = std::numeric_limits<std::int16_t>::max();
+  Steps steps;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const float most_m = farthest(thin, [&](std::size_t i) { return scan.point(i)[axis]; });
+    steps.step_m = std::fmax(steps.step_m, most_m / kMostSteps);
   }
+  steps.step_s = farthest(thin, [&](std::size_t i) { return scan.time(i); }) / kMostSteps;
+  return steps;
+}
+
+inline void append_compact(std::vector<char>& bytes, const ScanView& scan, const ThinPoints& thin,
+                           const Steps& steps) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    append_steps(bytes, thin, steps.step_m, [&](std::size_t i) { return scan.point(i)[axis]; });
+  if (scan.time_s == nullptr) return;
+  append_steps(bytes, thin, steps.step_s, [&](std::size_t i) { return scan.time(i); });
+}
+
+}  // namespace thin_detail
+
+/// A scan as `application/vnd.stillmap.scan`.
+/// @param own_vehicle_m  as the server's option of this name.
+[[nodiscard]] inline std::vector<char> encode_thin_scan(const ScanView& scan, ThinProfile profile,
+                                                        double own_vehicle_m = kOwnVehicleM) {
+  using namespace thin_detail;
+  ThinPoints thin = thin_points(scan, own_vehicle_m);
+  const bool has_times = scan.time_s != nullptr;
+  const std::size_t values = has_times ? 4 : 3;
+  std::vector<char> bytes;
+  if (profile == ThinProfile::kExact) {
+    bytes.reserve(kHeaderBytes + thin.indices.size() * values * sizeof(float));
+    append_header(bytes, thin, profile, has_times, {});
+    append_exact(bytes, scan, thin);
+    return bytes;
+  }
+  keep_lowest(scan, thin, (kMostCompactBytes - kHeaderBytes) / (values * sizeof(std::int16_t)));
+  const Steps steps = steps_of(scan, thin);
+  bytes.reserve(kMostCompactBytes);
+  append_header(bytes, thin, profile, has_times, steps);
+  append_compact(bytes, scan, thin, steps);
   return bytes;
 }
 
