@@ -75,8 +75,8 @@ class Streaming(unittest.TestCase):
         shutil.copytree(STORE, self.store)
         self.addCleanup(self.stop)
 
-    def start(self):
-        self.server = subprocess.Popen([PROGRAM, "serve", "--store", self.store, "--port", str(self.port)],
+    def start(self, *options):
+        self.server = subprocess.Popen([PROGRAM, "serve", "--store", self.store, "--port", str(self.port), *options],
                                        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         self.port = int(re.search(r"127\.0\.0\.1:(\d+)", self.server.stdout.readline()).group(1))
 
@@ -122,6 +122,17 @@ class Streaming(unittest.TestCase):
         self.assertEqual(sessions, 2, done.stdout + done.stderr)
         self.assertGreater(failed, 0)
         self.assertNotEqual(lines[-1][1], "lost", done.stdout)
+
+    def test_a_server_for_another_vehicle_gets_whole_scans(self):
+        options = self.store.parent / "options"
+        options.mkdir()
+        (options / "town.json").write_text('{"aligner": {"own_vehicle_m": 0.6}}')
+        self.start("--localization-options-dir", str(options))
+        done, (answered, *_), _ = self.stream(20)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertGreater(answered, 0)
+        # Others may fail while the server still loads the map.
+        self.assertNotIn("InvalidScan", done.stderr)
 
     def test_a_key_is_sent_and_missed(self):
         self.start()

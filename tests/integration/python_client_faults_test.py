@@ -9,6 +9,7 @@ import contextlib
 import errno
 import http.client
 import http.server
+import importlib.util
 import io
 import json
 import pathlib
@@ -24,7 +25,8 @@ import unittest.mock
 PACKAGE = pathlib.Path(sys.argv[1]).resolve()
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "server/clients/python/src"))
 
-from stillmap_client import Client, ConnectionLost, NeedsChoice, Problem, SessionStream, StillmapError  # noqa: E402
+from stillmap_client import (Client, ConnectionLost, NeedsChoice, Problem, Query, SessionStream,  # noqa: E402
+                             StillmapError)
 from stillmap_client.archive import Archive  # noqa: E402
 from stillmap_client.scan import encoded  # noqa: E402
 
@@ -139,6 +141,33 @@ class Faults(unittest.TestCase):
                 self.assertEqual([stamp for stamp, _ in errors], [1])
                 self.assertIsInstance(errors[0][1], StillmapError)
                 self.assertEqual(answers, [1, 2] if again else [2])
+
+    @unittest.skipUnless(importlib.util.find_spec("numpy"), "numpy is not installed: scans are sent whole")
+    def test_a_server_that_refuses_thin_scans_gets_whole_ones(self):
+        scan = array.array("f", [10.0, 2.0, 3.0, 0.5] * 600)
+        thin, whole = "application/vnd.stillmap.scan", "application/octet-stream"
+        for status, code in ((400, b"InvalidScan"), (415, b"UnsupportedMediaType")):
+            refusal = (status, {}, b'{"code": "%s"}' % code)
+            url, seen = self.serve(refusal, self.POSE, self.POSE, self.SESSION, self.POSE)
+            client = Client(url)
+            self.assertEqual([client.localize("a", scan).status for _ in range(2)], ["lost", "lost"])
+            client.open_session("a").track(scan, 1)
+            self.assertEqual([each[2].get("Content-Type") for each in seen],
+                             [thin, whole, whole, "application/json", whole])
+        # The scan itself is at fault: the next one is thinned again.
+        url, seen = self.serve(refusal, refusal, self.POSE)
+        client = Client(url)
+        with self.assertRaises(Problem):
+            client.localize("a", scan)
+        client.localize("a", scan)
+        self.assertEqual([each[2]["Content-Type"] for each in seen], [thin, whole, thin])
+        batch = {"answers": [{"status": 400, "problem": {"code": "InvalidScan"}}]}
+        taken = {"answers": [{"status": 200, "answer": json.loads(self.POSE[2])}]}
+        url, seen = self.serve((200, {}, json.dumps(batch).encode()), (200, {}, json.dumps(taken).encode()), self.POSE)
+        client = Client(url)
+        self.assertEqual(client.localize_batch("a", [Query(scan)])[0].status, "lost")
+        client.localize("a", scan)
+        self.assertEqual(seen[-1][2]["Content-Type"], whole)
 
     def test_a_stream_does_not_wait_for_errors_that_it_did_not_wait_after(self):
         bad = [(502, {}, b"<html>")] * 10

@@ -55,13 +55,14 @@ SentHeader read_header(std::span<const std::byte> bytes, const std::string& name
   if (header.profile > 1 || (header.flags & ~kFlags) != 0 || header.unused != 0 ||
       header.reserved != 0)
     refuse(fmt::format("profile {} and flags {}", header.profile, header.flags),
-           "profile 0 or 1 and known flags");
+           "profile 0 or 1, and of the flags 1, 2 and 4 alone");
   if (header.points > kMostSentPoints || header.matched > kMaxQueryPoints ||
       header.matched > header.points)
     refuse(fmt::format("{} points, {} of them matched", header.points, header.matched),
            fmt::format("at most {}, and of these {}", kMostSentPoints, kMaxQueryPoints));
   if (header.scan_points < header.points)
-    refuse(fmt::format("{} points of a scan of {}", header.points, header.scan_points), "fewer");
+    refuse(fmt::format("{} points of a scan of {}", header.points, header.scan_points),
+           "no more than the scan has");
   if (header.cell_m != thin_detail::kCellM && header.cell_m != 0.5F * thin_detail::kCellM)
     refuse(fmt::format("cells of {} m", header.cell_m), "0.5 or 0.25");
   for (const float number : {header.own_vehicle_m, header.step_m, header.step_s})
@@ -121,7 +122,7 @@ void require_bounds(const maps::PointCloud& cloud, const std::string& name) {
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     if (!(cloud.positions[i].norm() <= 1.01F * thin_detail::kMaxRangeM))
       throw maps::InputError(name, fmt::format("point {} beyond {} m", i, thin_detail::kMaxRangeM),
-                             "points of a lidar: leave the others out");
+                             "nearer ones: leave out what is farther");
     if (!cloud.time_offsets_s.empty() && !(std::abs(cloud.time_offsets_s[i]) <= kMostSentTimeS))
       throw maps::InputError(
           name, fmt::format("point {} at {} s", i, cloud.time_offsets_s[i]),

@@ -528,7 +528,8 @@ class Client {
   }
 
   /// Of a scan only what is matched is sent, by default as `ThinProfile::kExact`, which is answered
-  /// as the whole scan. With boxes of `movable` or another method the whole scan is sent.
+  /// as the whole scan. With boxes of `movable` or another method the whole scan is sent; so it is
+  /// from then on to a server that refuses thinned ones.
   /// @param profile  nothing = whole scans. @param own_vehicle_m  as the server's option.
   void thin_scans(std::optional<localization::ThinProfile> profile,
                   double own_vehicle_m = localization::kOwnVehicleM) {
@@ -564,32 +565,17 @@ class Client {
                                           const std::vector<BatchItem>& items,
                                           const std::string& version = {},
                                           std::optional<std::chrono::milliseconds> deadline = {}) {
-    nlohmann::json request = {{"queries", nlohmann::json::array()}};
-    std::vector<Body> scans;
-    for (const BatchItem& item : items) {
-      nlohmann::json query = detail::to_json(item.query);
-      scans.push_back(body_of(item.points, is_to_thin(item.query)));
-      if (!is_thin(scans.back())) query["layout"] = item.points.layout;
-      request["queries"].push_back(std::move(query));
-    }
-    if (deadline) request["deadline_ms"] = deadline->count();
-    const Body body = multipart(request, scans, "scan-");
-    const auto answers_of = [](const nlohmann::json& json) {
-      std::vector<BatchAnswer> answers;
-      for (const nlohmann::json& each : json.at("answers")) {
-        BatchAnswer& answer = answers.emplace_back();
-        if (each.at("status") == 200) {
-          answer.answer = detail::answer_of(each.at("answer"));
-        } else {
-          answer.problem = Problem(each.at("status"), each.at("problem").at("code"),
-                                   each.at("problem").at("detail"), std::nullopt);
-        }
-      }
-      return answers;
+    const auto refused = [](const std::vector<BatchAnswer>& answers) {
+      return std::any_of(answers.begin(), answers.end(), [](const BatchAnswer& each) {
+        return each.problem && refuses_thin(*each.problem);
+      });
     };
-    return read<std::vector<BatchAnswer>>(
-        post({place_of(map, version) + "/localize/batch", body, nullptr, true, {}, deadline}),
-        answers_of);
+    std::vector<BatchAnswer> answers = send_batch(map, items, version, deadline);
+    if (!thin_profile_ || !refused(answers)) return answers;
+    const auto profile = std::exchange(thin_profile_, std::nullopt);
+    answers = send_batch(map, items, version, deadline);
+    if (refused(answers)) thin_profile_ = profile;
+    return answers;
   }
 
   /// @return the session's id.
@@ -790,10 +776,61 @@ class Client {
     }
   }
 
+  std::vector<BatchAnswer> send_batch(const std::string& map, const std::vector<BatchItem>& items,
+                                      const std::string& version,
+                                      std::optional<std::chrono::milliseconds> deadline) {
+    nlohmann::json request = {{"queries", nlohmann::json::array()}};
+    std::vector<Body> scans;
+    for (const BatchItem& item : items) {
+      nlohmann::json query = detail::to_json(item.query);
+      scans.push_back(body_of(item.points, is_to_thin(item.query)));
+      if (!is_thin(scans.back())) query["layout"] = item.points.layout;
+      request["queries"].push_back(std::move(query));
+    }
+    if (deadline) request["deadline_ms"] = deadline->count();
+    const Body body = multipart(request, scans, "scan-");
+    const auto answers_of = [](const nlohmann::json& json) {
+      std::vector<BatchAnswer> answers;
+      for (const nlohmann::json& each : json.at("answers")) {
+        BatchAnswer& answer = answers.emplace_back();
+        if (each.at("status") == 200) {
+          answer.answer = detail::answer_of(each.at("answer"));
+        } else {
+          answer.problem = Problem(each.at("status"), each.at("problem").at("code"),
+                                   each.at("problem").at("detail"), std::nullopt);
+        }
+      }
+      return answers;
+    };
+    return read<std::vector<BatchAnswer>>(
+        post({place_of(map, version) + "/localize/batch", body, nullptr, true, {}, deadline}),
+        answers_of);
+  }
+
   static bool is_to_thin(const Query& query) {
     return query.movable.empty() && (query.method.empty() || query.method == "default");
   }
   static bool is_thin(const Body& scan) { return scan.type == kThinScan; }
+
+  /// By a server that is configured for a vehicle of another size, or too old to know thin scans.
+  static bool refuses_thin(const Problem& problem) {
+    return problem.code == "InvalidScan" || problem.code == "UnsupportedMediaType";
+  }
+
+  /// What `send(true)` gives, for a thinned scan. If the server refuses that and takes the whole
+  /// one, all later scans are sent whole, too.
+  template <typename Send>
+  httplib::Response thin_or_whole(bool may_thin, const Send& send) {
+    if (!may_thin || !thin_profile_) return send(false);
+    try {
+      return send(true);
+    } catch (const Problem& problem) {
+      if (!refuses_thin(problem)) throw;
+    }
+    httplib::Response response = send(false);
+    thin_profile_.reset();
+    return response;
+  }
 
   /// The server reads little-endian floats, as every machine that has a lidar writes them.
   /// @param may_thin  what the server does with it allows that.
@@ -840,15 +877,24 @@ class Client {
   httplib::Response send_query(const std::string& map, const Points& points, const Query& query,
                                const char* accept) {
     const std::string path = place_of(map, query.version) + "/localize";
-    const Body scan = body_of(points, is_to_thin(query));
-    if (query.T_base_lidar || !query.movable.empty() || (query.prior && query.prior->covariance)) {
-      nlohmann::json request = detail::to_json(query);
-      if (query.deadline) request["deadline_ms"] = query.deadline->count();
-      if (!is_thin(scan)) request["layout"] = points.layout;
-      return post({path, multipart(request, {scan}, "scan"), accept, true, {}, query.deadline});
-    }
+    return thin_or_whole(is_to_thin(query), [&](bool thin) {
+      const Body scan = body_of(points, thin);
+      if (query.T_base_lidar || !query.movable.empty() ||
+          (query.prior && query.prior->covariance)) {
+        nlohmann::json request = detail::to_json(query);
+        if (query.deadline) request["deadline_ms"] = query.deadline->count();
+        if (!is_thin(scan)) request["layout"] = points.layout;
+        return post({path, multipart(request, {scan}, "scan"), accept, true, {}, query.deadline});
+      }
+      httplib::Params flat = flat_of(query);
+      if (!is_thin(scan)) flat.emplace("layout", points.layout);
+      return post(
+          {httplib::append_query_params(path, flat), scan, accept, true, {}, query.deadline});
+    });
+  }
+
+  static httplib::Params flat_of(const Query& query) {
     httplib::Params flat;
-    if (!is_thin(scan)) flat.emplace("layout", points.layout);
     if (query.prior) {
       flat.emplace("prior_t", joined(query.prior->pose.position));
       flat.emplace("prior_q", joined(query.prior->pose.quaternion));
@@ -863,25 +909,27 @@ class Client {
     if (query.stamp_ns) flat.emplace("stamp_ns", std::to_string(*query.stamp_ns));
     if (!query.method.empty()) flat.emplace("method", query.method);
     if (query.deadline) flat.emplace("deadline_ms", std::to_string(query.deadline->count()));
-    return post({httplib::append_query_params(path, flat), scan, accept, true, {}, query.deadline});
+    return flat;
   }
 
   httplib::Response send_scan(const std::string& session, const Points& points,
                               std::int64_t stamp_ns, const ScanOptions& options,
                               const char* accept) {
     const std::string path = "/v1/sessions/" + session + "/scans";
-    const Body scan = body_of(points, options.movable.empty());
-    if (options.odometry || options.T_base_lidar || !options.movable.empty()) {
-      nlohmann::json request = detail::to_json(options, stamp_ns);
-      if (!is_thin(scan)) request["layout"] = points.layout;
-      return post({path, multipart(request, {scan}, "scan"), accept, false, options.retries,
+    return thin_or_whole(options.movable.empty(), [&](bool thin) {
+      const Body scan = body_of(points, thin);
+      if (options.odometry || options.T_base_lidar || !options.movable.empty()) {
+        nlohmann::json request = detail::to_json(options, stamp_ns);
+        if (!is_thin(scan)) request["layout"] = points.layout;
+        return post({path, multipart(request, {scan}, "scan"), accept, false, options.retries,
+                     options.deadline});
+      }
+      httplib::Params flat = {{"stamp_ns", std::to_string(stamp_ns)}};
+      if (!is_thin(scan)) flat.emplace("layout", points.layout);
+      if (options.deadline) flat.emplace("deadline_ms", std::to_string(options.deadline->count()));
+      return post({httplib::append_query_params(path, flat), scan, accept, false, options.retries,
                    options.deadline});
-    }
-    httplib::Params flat = {{"stamp_ns", std::to_string(stamp_ns)}};
-    if (!is_thin(scan)) flat.emplace("layout", points.layout);
-    if (options.deadline) flat.emplace("deadline_ms", std::to_string(options.deadline->count()));
-    return post({httplib::append_query_params(path, flat), scan, accept, false, options.retries,
-                 options.deadline});
+    });
   }
 
   httplib::Response post(const Request& request) {

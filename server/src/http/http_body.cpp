@@ -15,6 +15,9 @@
 namespace stillmap::server {
 namespace {
 
+/// What scans take: smaller bodies cost little.
+constexpr std::size_t kLeastSpareBytes = std::size_t{64} << 10U;
+
 ApiError too_large(const std::string& found, std::uint64_t most) {
   return field_error(ErrorCode::kPayloadTooLarge, "body", found, fmt::format("at most {}", most));
 }
@@ -78,21 +81,20 @@ void check_body(const RequestHead& head, std::optional<std::uint64_t> length, co
   }
 }
 
-std::string SpareBodies::take() {
+std::string SpareBodies::take(std::uint64_t bytes) {
   const std::scoped_lock lock(mutex_);
-  if (spare_.empty()) return {};
+  if (bytes < kLeastSpareBytes || spare_.empty()) return {};
   std::string body = std::move(spare_.back());
   spare_.pop_back();
   return body;
 }
 
 void SpareBodies::give(std::string&& body) {
-  // What scans take: smaller bodies cost little, larger ones would hold much memory for ever.
-  constexpr std::size_t kLeastBytes = std::size_t{64} << 10U;
-  constexpr std::size_t kMostBytes = std::size_t{4} << 20U;
+  constexpr std::size_t kMostSpareBytes = std::size_t{4} << 20U;
   constexpr std::size_t kMostSpare = 8;
   const std::scoped_lock lock(mutex_);
-  if (body.capacity() < kLeastBytes || body.capacity() > kMostBytes || spare_.size() >= kMostSpare)
+  if (body.capacity() < kLeastSpareBytes || body.capacity() > kMostSpareBytes ||
+      spare_.size() >= kMostSpare)
     return;
   spare_.push_back(std::move(body));
 }

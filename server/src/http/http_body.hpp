@@ -52,11 +52,12 @@ void check_body(const RequestHead& head, std::optional<std::uint64_t> length, co
                 const WholeBodyLimits& limits);
 
 /// Memory of bodies that were answered, for the next ones: fresh memory costs a page fault each 4
-/// kB, together as much as receiving a scan. Safe from several threads.
+/// kB. Keeps at most 8 of up to 4 MiB. Safe from several threads.
 class SpareBodies {
  public:
-  /// Empty, or of what some body was: whatever it holds is overwritten.
-  [[nodiscard]] std::string take();
+  /// @param bytes  of the next body: a small one gets no memory. @return what an earlier body was,
+  /// to be overwritten, or empty.
+  [[nodiscard]] std::string take(std::uint64_t bytes);
   void give(std::string&& body);
 
  private:

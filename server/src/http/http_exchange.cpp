@@ -149,9 +149,6 @@ std::string_view route_label(const Router::Match& match) {
   return pattern.starts_with("/assets/") ? "/assets/{file}" : pattern;
 }
 
-/// Bodies from here on get the memory of earlier ones.
-constexpr std::uint64_t kScanBytes = std::uint64_t{64} << 10U;
-
 std::uint64_t size_of(const HttpResponse& response) {
   return response.source ? response.source->size() : response.body.size();
 }
@@ -243,7 +240,7 @@ class HttpExchange::Library final : public httplib::Server {
       request.body =
           read_whole(body, exchange.head,
                      most_whole_bytes(exchange.head, *exchange.match.route, limits_.bodies),
-                     length >= kScanBytes ? spare_bodies_.take() : std::string());
+                     spare_bodies_.take(length));
       request.received = std::chrono::steady_clock::now();
     } else {
       request.stream = &body;

@@ -233,7 +233,7 @@ void check_scan(PoseRequest& request, const ServerOptions& options) {
     return;
   }
   const auto& raw = std::get<localization::ScanView>(request.scan_lidar);
-  for (std::size_t i = 0; i < raw.size; ++i) request.no_returns += raw.is_point(i) ? 0 : 1;
+  request.no_returns = localization::count_points(raw, 0.0).no_returns;
   check_count(raw.size - request.no_returns, options);
   check_points(raw);
 }

@@ -88,7 +88,7 @@ void check_gnss(const GnssFix& fix, const std::string& path);
 /// `xyz`, `xyzi` or `xyzit`. @throws ApiError kInvalidRequest.
 [[nodiscard]] maps::ScanFormat raw_format_of(const std::string& layout);
 
-/// Counts what came back from nothing in raw and thinned scans.
+/// Also sets `no_returns` of raw and thinned scans.
 /// @throws ApiError kPayloadTooLarge, kTooFewPoints, or kInvalidPoints for a point that is too far
 /// or a time too far from the stamp.
 void check_scan(PoseRequest& request, const ServerOptions& options);

@@ -143,11 +143,11 @@ class Load {
   void measure_workers();
   /// Again, once, when it missed a limit.
   void measure_overload();
-  /// @return the exit code that the limits ask for.
   [[nodiscard]] bool is_raw() const { return arguments_.scans == "raw"; }
   [[nodiscard]] std::string content_type() const {
     return is_raw() ? "application/octet-stream" : "application/vnd.stillmap.scan";
   }
+  /// @return the exit code that the limits ask for.
   [[nodiscard]] int verdict() const { return failures_ > 0 ? 1 : unjudged_ > 0 ? kNotJudged : 0; }
 
  private:

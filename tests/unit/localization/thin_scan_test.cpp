@@ -213,7 +213,7 @@ TEST(ThinScan, BrokenHeadersAreRefusedInWords) {
   EXPECT_THAT(with(16, std::uint32_t{3}), HasSubstr("of a scan of 3"));
   EXPECT_THAT(with(24, 0.4F), HasSubstr("cells of 0.4 m"));
   EXPECT_THAT(with(28, std::numeric_limits<float>::quiet_NaN()), HasSubstr("nan in the header"));
-  EXPECT_THAT(with(40, std::uint32_t{1}), HasSubstr("known flags"));
+  EXPECT_THAT(with(40, std::uint32_t{1}), HasSubstr("of the flags 1, 2 and 4 alone"));
   EXPECT_THAT(with(44, std::numeric_limits<float>::infinity()), HasSubstr("point 0 beyond 500 m"));
   EXPECT_THAT(with(bytes.size() - 4, 1.5F), HasSubstr("at 1.5 s"));
   // Says that it is packed, and is not.

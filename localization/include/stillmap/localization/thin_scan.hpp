@@ -18,8 +18,8 @@
 
 namespace stillmap::localization {
 
-/// Points as they lie in memory, which outlives the view: three float32 x, y, z [m] in the lidar
-/// frame, and where there are times one float32 [s] relative to the scan's stamp.
+/// Points as they lie in memory, which must outlive the view: three float32 x, y, z [m] in the
+/// lidar frame, and where there are times one float32 [s] relative to the scan's stamp.
 struct ScanView {
   const void* xyz = nullptr;
   std::size_t xyz_stride_bytes = 0;
@@ -183,6 +183,7 @@ struct ScanCounts {
   float own_vehicle_m = 0.0F;
 };
 
+/// @param own_vehicle_m  see `kOwnVehicleM`, 0 and more.
 [[nodiscard]] inline ScanCounts count_points(const ScanView& scan, double own_vehicle_m) {
   const auto own_m = static_cast<float>(own_vehicle_m);
   ScanCounts counts;

@@ -34,11 +34,11 @@ struct SentScan {
 /// @param name  for messages. @throws maps::InputError for everything that is wrong with it.
 [[nodiscard]] SentScan decode_thin_scan(std::span<const std::byte> bytes, const std::string& name);
 
-/// A look at a cloud, which outlives it.
+/// A view of a cloud, which must outlive it.
 [[nodiscard]] ScanView view_of(const maps::PointCloud& scan_lidar);
 [[nodiscard]] ScanView view_of(std::span<const Eigen::Vector3f> positions);
 
-/// All points of a scan that are some, all matched.
+/// All points of a scan but no returns; all of them are matched.
 [[nodiscard]] ThinScan whole_scan(const ScanView& scan_lidar);
 
 /// The points of a scan that `thin` names.

@@ -18,7 +18,7 @@ from .archive import Archive
 from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem
 from .scan import Scan, multipart, scan_part, scan_request
 from .session import Session
-from .thinning import OWN_VEHICLE_M, Thinning
+from .thinning import OWN_VEHICLE_M, Thinning, refuses_thin
 from .transport import GEOPOSE, Body, Response, Transport, as_object, wait_s
 from .types import (Event, GeoPose, Gnss, MapInfo, MovableBox, Pose, PoseAnswer, Prior, Query, SessionInfo, Version)
 
@@ -55,6 +55,15 @@ def _parameters(query: Query) -> Dict[str, Any]:
     return keys
 
 
+def _may_thin(query: Query) -> bool:
+    """Which points lie in boxes is asked of the whole scan; other methods thin in their own way."""
+    return not query.movable and query.method in (None, "default")
+
+
+def _is_thin_refused(answers: Sequence[Union[PoseAnswer, Problem]]) -> bool:
+    return any(isinstance(each, Problem) and refuses_thin(each) for each in answers)
+
+
 def _csv(values: Sequence[float]) -> str:
     return ",".join(repr(float(x)) for x in values)
 
@@ -75,7 +84,7 @@ class Client:
                  connection was lost
     thin         of a raw scan only what is matched is sent: "exact" (same answer, 180 kB), "compact" (at most 48 kB,
                  some mm away) or None (the whole scan). With boxes of `movable`, with another method than the default
-                 and without numpy the whole scan is sent
+                 and without numpy the whole scan is sent. So it is from then on to a server that refuses thin ones
     own_vehicle_m  for `thin`: as the server's option of this name
     """
 
@@ -114,25 +123,24 @@ class Client:
     def localize_batch(self, map: str, queries: Sequence[Query], *, version: Optional[str] = None,
                        deadline_ms: Optional[int] = None) -> List[Union[PoseAnswer, Problem]]:
         """Several scans in one request. @return for each, in their order, its answer or why it was refused."""
-        wanted, scans = [], []
-        for i, query in enumerate(queries):
-            part, of_scan = scan_part(f"scan-{i}", query.scan, query.layout, self._thinning_of(query))
-            wanted.append({**_parameters(query), **of_scan})
-            scans.append(part)
-        request: Dict[str, Any] = {"queries": wanted}
-        if deadline_ms is not None:
-            request["deadline_ms"] = deadline_ms
-        body, headers = multipart(request, scans)
-
         def read(json: Any) -> List[Union[PoseAnswer, Problem]]:
             return [PoseAnswer.of(each["answer"]) if each["status"] == 200
                     else Problem(int(each["status"]), each["problem"]) for each in json["answers"]]
 
-        return self._transport.call("POST", _place(map, version) + "/localize/batch", body=body, headers=headers,
-                                    timeout_s=self._transport.patience_s(deadline_ms)).json(read)
+        def send(thinning: Optional[Thinning]) -> List[Union[PoseAnswer, Problem]]:
+            wanted, scans = [], []
+            for i, query in enumerate(queries):
+                part, of_scan = scan_part(f"scan-{i}", query.scan, query.layout, thinning if _may_thin(query) else None)
+                wanted.append({**_parameters(query), **of_scan})
+                scans.append(part)
+            request: Dict[str, Any] = {"queries": wanted}
+            if deadline_ms is not None:
+                request["deadline_ms"] = deadline_ms
+            body, headers = multipart(request, scans)
+            return self._transport.call("POST", _place(map, version) + "/localize/batch", body=body, headers=headers,
+                                        timeout_s=self._transport.patience_s(deadline_ms)).json(read)
 
-    def _thinning_of(self, query: Query) -> Optional[Thinning]:
-        return self.thinning if not query.movable and query.method in (None, "default") else None
+        return self.thinning.or_whole(True, send, _is_thin_refused)
 
     def _localize(self, map: str, version: Optional[str], query: Query, deadline_ms: Optional[int],
                   accept: Optional[str]) -> Response:
@@ -151,11 +159,15 @@ class Client:
         if gnss is not None:
             altitude = "" if gnss.altitude_m is None else _csv([gnss.altitude_m])
             flat["gnss"] = ",".join((_csv([gnss.latitude_deg, gnss.longitude_deg]), altitude, _csv([gnss.sigma_m])))
-        parameters, body, headers = scan_request(query.scan, query.layout, self._thinning_of(query), flat, keys)
-        if accept is not None:
-            headers["Accept"] = accept
-        return self._transport.call("POST", _place(map, version) + "/localize", query=parameters, body=body,
-                                    headers=headers, timeout_s=self._transport.patience_s(deadline_ms))
+
+        def send(thinning: Optional[Thinning]) -> Response:
+            parameters, body, headers = scan_request(query.scan, query.layout, thinning, flat, keys)
+            if accept is not None:
+                headers["Accept"] = accept
+            return self._transport.call("POST", _place(map, version) + "/localize", query=parameters, body=body,
+                                        headers=headers, timeout_s=self._transport.patience_s(deadline_ms))
+
+        return self.thinning.or_whole(_may_thin(query), send)
 
     def open_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
                      gnss: Optional[Gnss] = None, label: Optional[str] = None,

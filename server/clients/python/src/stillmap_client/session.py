@@ -70,11 +70,16 @@ class Session:
                 keys["T_base_lidar"] = T_base_lidar.to_json()
             if movable:
                 keys["movable"] = [box.to_json() for box in movable]
-        query, body, headers = scan_request(scan, layout, None if movable else self._thinning, flat, keys)
-        if accept is not None:
-            headers["Accept"] = accept
-        return self._transport.call("POST", self._path + "/scans", query=query, body=body, headers=headers,
-                                    idempotent=False, retries=retries, timeout_s=self._transport.patience_s(deadline_ms))
+
+        def send(thinning: Optional[Thinning]) -> Response:
+            query, body, headers = scan_request(scan, layout, thinning, flat, keys)
+            if accept is not None:
+                headers["Accept"] = accept
+            return self._transport.call("POST", self._path + "/scans", query=query, body=body, headers=headers,
+                                        idempotent=False, retries=retries,
+                                        timeout_s=self._transport.patience_s(deadline_ms))
+
+        return self._thinning.or_whole(not movable, send)
 
     def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None) -> None:
         """Forgets where the vehicle was. Without prior and gnss it may be anywhere."""

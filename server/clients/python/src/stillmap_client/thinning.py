@@ -7,12 +7,15 @@ bytes are equal to its. Needs numpy.
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Any, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Optional, Tuple, TypeVar
+
+from .errors import Problem
 
 if TYPE_CHECKING:
     import numpy as np
 
 CONTENT_TYPE = "application/vnd.stillmap.scan"
+_Answer = TypeVar("_Answer")
 PROFILES = ("exact", "compact")
 OWN_VEHICLE_M = 2.7
 
@@ -40,6 +43,24 @@ class Thinning:
         except ImportError:
             self.profile = None
 
+    def or_whole(self, may_thin: bool, send: "Callable[[Optional[Thinning]], _Answer]",
+                 is_refused: Callable[[_Answer], bool] = lambda _: False) -> _Answer:
+        """What `send` gives for thinned scans. If the server refuses these and takes whole ones, all later scans are sent
+        whole, too. @param is_refused  of an answer that holds refusals, as that of a batch may."""
+        if not may_thin or self.profile is None:
+            return send(None)
+        try:
+            answer = send(self)
+            if not is_refused(answer):
+                return answer
+        except Problem as problem:
+            if not refuses_thin(problem):
+                raise
+        answer = send(None)
+        if not is_refused(answer):
+            self.profile = None
+        return answer
+
     def body(self, raw: bytes, columns: int) -> Optional[bytes]:
         """What to send instead of float32 points of so many columns; None where these are as short."""
         if self.profile is None:
@@ -49,6 +70,11 @@ class Thinning:
         points = np.frombuffer(raw, "<f4").astype(np.float32, copy=False).reshape(-1, columns)
         thin = thin_scan(points, self.profile, self.own_vehicle_m)
         return thin if len(thin) < len(raw) else None
+
+
+def refuses_thin(problem: Problem) -> bool:
+    """As a server does that is configured for a vehicle of another size, or too old to know thin scans."""
+    return problem.code in ("InvalidScan", "UnsupportedMediaType")
 
 
 def thin_scan(points: "np.ndarray[Any, Any]", profile: str = "exact", own_vehicle_m: float = OWN_VEHICLE_M) -> bytes:
