@@ -8,8 +8,11 @@ simulate town --seed 1 --scans 60, built by default)
 
 The last bits of a map depend on the processor, so a digest counts where the words of its column CPU are all said of this
 one (/proc/cpuinfo). Measured by taking instruction sets away, 2026-11-27:
-- Maps of given drives: the same with AVX2, AVX-512 and VNNI, with any number of threads and other kernels of OpenBLAS;
+- Maps of given drives whose poses are kept (mulran): the same with AVX2, AVX-512 and VNNI, with any number of threads and other kernels of OpenBLAS;
   others without FMA, which the detector's network and glibc's libm use where they find it.
+- Maps whose poses are refined (kitti): since 2026-11-28 others with AVX-512 than without, with AVX2 the same for any
+  kernel of OpenBLAS that runs there. OpenBLAS has a kernel for small matrices with AVX-512 alone; that this is the cause
+  was not shown.
 - Simulated drives: Embree rounds otherwise with SSE, AVX2 and AVX-512, and its approximate reciprocals (rcpps) are the
   vendor's own. So `town` counts on the vendor and family that it was recorded on.
 
