@@ -18,7 +18,7 @@ HTTPLIB_USERS = ("server/src/http/http_answer.cpp", "server/src/http/http_exchan
 FORBIDDEN_IN_PUBLIC = re.compile(r'[<"](pcl|mrpt|nlohmann|httplib|tbb|oneapi|embree3?|openssl|png|spdlog|CLI|fmt)[/.>]')
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 # Where a header in quotes is looked for, beside the folder of the file itself.
-PRIVATE_FOLDERS = ("src", "simulation", "training")
+PRIVATE_FOLDERS = ("clients/cpp", "examples/vehicle", "src", "simulation", "training")
 
 
 def allowed(layer):

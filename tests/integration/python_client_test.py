@@ -317,6 +317,23 @@ class Restart(unittest.TestCase):
                 self.assertGreater(stream.superseded, 0)
                 self.assertEqual(stream.answered + stream.superseded + stream.failed, 20)
 
+    def test_a_stream_is_told_where_the_vehicle_is(self):
+        with tempfile.TemporaryDirectory() as name:
+            server = Server(pathlib.Path(name)).start()
+            self.addCleanup(server.stop)
+            searched = []
+            with SessionStream(Client(server.url), "town",
+                               on_answer=lambda _, answer: searched.append((answer.searched_from, answer.status))) as stream:
+                stream.initialize(START)
+                for index in range(3):
+                    if index == 2:
+                        stream.initialize(START)
+                    stream.put(scan(index), index * 100_000_000)
+                    self.assertTrue(stream.drain(60))
+                self.assertEqual([each for each, _ in searched], ["given", "velocity", "given"])
+                self.assertEqual({status for _, status in searched}, {"ok"})
+                self.assertEqual((stream.sessions, stream.failed), (1, 0))
+
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *sys.argv[5:]])

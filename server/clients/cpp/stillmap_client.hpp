@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <functional>
 #include <mutex>
@@ -238,6 +239,37 @@ struct SessionInfo {
   /// In lists of sessions.
   std::string key_id;
   std::string key_name;
+};
+
+/// A point of a map's tile, 20 bytes on the wire.
+struct TilePoint {
+  /// Relative to the map's origin [m].
+  std::array<float, 3> position{};
+  /// In the sensor's own scale.
+  float intensity = 0.0F;
+  /// Merged into the point, at most 65,535.
+  std::uint16_t observations = 0;
+  /// 0 measured, 1 measured ground, 2 projected from an object, 3 filled ground.
+  std::uint8_t kind = 0;
+  /// That a projected point came from: its index among the objects plus 1, modulo 255; 0 = none.
+  std::uint8_t object = 0;
+
+  [[nodiscard]] bool is_ground() const { return kind == 1 || kind == 3; }
+};
+
+/// What to fetch and to drop so that the tiles around a place are there.
+struct TileChange {
+  struct Tile {
+    /// version/level/x/y
+    std::string id;
+    std::int64_t points = 0;
+    /// For `Client::tile`.
+    std::string url;
+  };
+  std::string version;
+  std::vector<Tile> add;
+  /// Their ids.
+  std::vector<std::string> remove;
 };
 
 /// A server-sent event: `status`, `version_activated`, `closed`, `gap`.
@@ -606,10 +638,14 @@ class Client {
   }
 
   /// Forgets where the vehicle was. Neither prior nor gnss = it may be anywhere.
+  /// @param retries  instead of the client's.
   SessionInfo initialize(const std::string& session, const std::optional<Prior>& prior = {},
-                         const std::optional<Gnss>& gnss = {}) {
+                         const std::optional<Gnss>& gnss = {}, std::optional<int> retries = {}) {
     return read<SessionInfo>(post({"/v1/sessions/" + session + "/initialize",
-                                   {place_in(prior, gnss).dump(), "application/json"}}),
+                                   {place_in(prior, gnss).dump(), "application/json"},
+                                   nullptr,
+                                   true,
+                                   retries}),
                              detail::session_of);
   }
 
@@ -666,6 +702,44 @@ class Client {
         std::this_thread::sleep_for(wait_time(tries, nullptr));
       }
     }
+  }
+
+  /// Which tiles of the active version are within `radius_m` of a place (x, y in the map frame),
+  /// and are not among `known_ids`, and which of these are not. @param radius_m  at most 50 tile
+  /// widths.
+  TileChange tiles_around(const std::string& map, const std::array<double, 2>& place,
+                          double radius_m, const std::vector<std::string>& known_ids = {}) {
+    const nlohmann::json request = {
+        {"center", place}, {"radius_m", radius_m}, {"cached_ids", known_ids}};
+    const auto change_of = [](const nlohmann::json& json) {
+      TileChange change;
+      change.version = json.at("version");
+      for (const nlohmann::json& each : json.at("add"))
+        change.add.push_back({each.at("id"), each.at("points"), each.at("url")});
+      change.remove = json.at("remove").get<std::vector<std::string>>();
+      return change;
+    };
+    return read<TileChange>(
+        post({place_of(map, {}) + "/tiles/diff", {request.dump(), "application/json"}}), change_of);
+  }
+
+  /// Points of a tile. @param url  of `tiles_around`. @throws Problem, ConnectionLost.
+  std::vector<TilePoint> tile(const std::string& url) {
+    constexpr std::size_t kPointBytes = 20;
+    static_assert(sizeof(TilePoint) == kPointBytes, "a tile's points are read as they are");
+    const httplib::Response response = get(url);
+    if (response.body.size() % kPointBytes != 0)
+      throw Problem(response.status, "", found(response, "points of 20 bytes"), std::nullopt);
+    std::vector<TilePoint> points(response.body.size() / kPointBytes);
+    if (!points.empty()) std::memcpy(points.data(), response.body.data(), response.body.size());
+    return points;
+  }
+
+  /// What is added to a tile's positions gives the map frame [m].
+  std::array<double, 3> map_origin(const std::string& map, const std::string& version) {
+    return read<std::array<double, 3>>(get(place_of(map, version)), [](const nlohmann::json& json) {
+      return json.at("origin").get<std::array<double, 3>>();
+    });
   }
 
   /// Writes a map package's tar to `path`; after a lost connection it goes on where it ended.
@@ -1059,14 +1133,16 @@ class SessionStream {
         thread_([this] { work(); }) {}
   SessionStream(const SessionStream&) = delete;
   SessionStream& operator=(const SessionStream&) = delete;
-  /// Drops what waits, waits for what is under way, ends the session.
-  ~SessionStream() {
+  ~SessionStream() { stop(); }
+
+  /// Drops what waits, waits for what is under way, ends the session. Later scans are not sent.
+  void stop() {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       stopping_ = true;
     }
     changed_.notify_all();
-    thread_.join();
+    if (thread_.joinable()) thread_.join();
   }
 
   /// Takes the place of a scan that waits. @throws std::invalid_argument for what is no scan.
@@ -1078,6 +1154,12 @@ class SessionStream {
       waiting_ = std::move(scan);
     }
     changed_.notify_all();
+  }
+
+  /// Says where the vehicle is: the session begins anew there, before the next scan is sent.
+  void initialize(Prior prior) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    prior_ = std::move(prior);
   }
 
   /// Waits until nothing waits or is under way. @return whether that came in time.
@@ -1120,6 +1202,7 @@ class SessionStream {
   std::optional<std::chrono::duration<double>> send(const Scan& scan, int tries) {
     PoseAnswer answer;
     try {
+      if (const auto prior = take_prior()) begin_at(*prior);
       if (session_.empty()) open();
       ScanOptions options = scans_;
       options.odometry = scan.odometry;
@@ -1145,10 +1228,44 @@ class SessionStream {
     return std::nullopt;
   }
 
+  std::optional<Prior> take_prior() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return std::exchange(prior_, std::nullopt);
+  }
+
+  /// After a refusal that may pass, the next scan tries again.
+  void begin_at(const Prior& prior) {
+    if (session_.empty()) {
+      opening_.prior = prior;
+      opening_.gnss.reset();
+      return;
+    }
+    const auto keep = [&] {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (!prior_) prior_ = prior;
+    };
+    try {
+      client_.initialize(session_, prior, {}, 0);
+    } catch (const Problem& problem) {
+      if (is_passing(problem) || problem.code == "UnknownSession") keep();
+      throw;
+    } catch (const ConnectionLost&) {
+      keep();
+      throw;
+    }
+  }
+
   void open() {
     // Not tried again here: meanwhile a newer scan may have come, and the stream may have ended.
     opening_.retries = 0;
-    session_ = client_.open_session(map_, opening_);
+    try {
+      session_ = client_.open_session(map_, opening_);
+    } catch (const Problem& problem) {
+      constexpr int kUnprocessable = 422;
+      // Else no scan would ever be sent.
+      if (problem.status == kUnprocessable) opening_.prior.reset();
+      throw;
+    }
     // Where it was at first says nothing of a later session.
     opening_.prior.reset();
     opening_.gnss.reset();
@@ -1173,6 +1290,7 @@ class SessionStream {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<Scan> waiting_;
+  std::optional<Prior> prior_;
   bool busy_ = false;
   bool stopping_ = false;
   Counts counts_;

@@ -81,7 +81,8 @@ class Session:
 
         return self._thinning.or_whole(not movable, send)
 
-    def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None) -> None:
+    def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None,
+                   retries: Optional[int] = None) -> None:
         """Forgets where the vehicle was. Without prior and gnss it may be anywhere."""
         wanted: Dict[str, Any] = {}
         if prior is not None:
@@ -89,7 +90,7 @@ class Session:
         if gnss is not None:
             wanted["gnss"] = gnss.to_json()
         self._transport.call("POST", self._path + "/initialize", body=json.dumps(wanted).encode(),
-                             headers={"Content-Type": "application/json"})
+                             headers={"Content-Type": "application/json"}, retries=retries)
 
     def info(self) -> SessionInfo:
         return self._transport.call("GET", self._path).json(SessionInfo.of)
@@ -136,6 +137,7 @@ class SessionStream:
         self._deadline_ms, self._layout = deadline_ms, layout
         self._changed = threading.Condition()
         self._waiting: Optional[_Item] = None
+        self._start: Optional[Prior] = None
         self._busy = False
         self._closed = False
         #: Counters: scans sent and answered, replaced by a newer one before they were sent, failed; sessions.
@@ -162,6 +164,11 @@ class SessionStream:
                 self.superseded += 1
             self._waiting = (data, layout, stamp_ns, odometry, movable)
             self._changed.notify_all()
+
+    def initialize(self, prior: Prior) -> None:
+        """Says where the vehicle is: the session begins anew there, before the next scan is sent."""
+        with self._changed:
+            self._start = prior
 
     def drain(self, timeout_s: Optional[float] = None) -> bool:
         """Waits until nothing waits or is under way. @return whether that came in time."""
@@ -201,11 +208,9 @@ class SessionStream:
     def _send(self, scan: bytes, layout: Optional[str], stamp_ns: int, odometry: Optional[Odometry],
               movable: Sequence[MovableBox]) -> Optional[StillmapError]:
         try:
+            self._begin()
             if self._session is None:
-                self._session = self._client.open_session(self._map, prior=self._prior, gnss=self._gnss,
-                                                          version=self._version, label=self._label, retries=0)
-                self._prior = self._gnss = None  # where it was at first says nothing of a later session
-                self.sessions += 1
+                self._session = self._open()
             answer = self._session.track(scan, stamp_ns, odometry=odometry, movable=movable, layout=layout,
                                          T_base_lidar=self._T_base_lidar, deadline_ms=self._deadline_ms, retries=0)
         except Exception as error:  # whatever comes, the thread must be there for the next scan
@@ -218,6 +223,35 @@ class SessionStream:
         self.answered += 1
         self._tell(self._on_answer, stamp_ns, answer)
         return None
+
+    def _begin(self) -> None:
+        """Where `initialize` said. After a refusal that may pass, the next scan tries again."""
+        with self._changed:
+            prior, self._start = self._start, None
+        if prior is None:
+            return
+        if self._session is None:
+            self._prior, self._gnss = prior, None
+            return
+        try:
+            self._session.initialize(prior, retries=0)
+        except StillmapError as error:
+            with self._changed:
+                if not _is_final(error) and self._start is None:
+                    self._start = prior
+            raise
+
+    def _open(self) -> Session:
+        try:
+            session = self._client.open_session(self._map, prior=self._prior, gnss=self._gnss, version=self._version,
+                                                label=self._label, retries=0)
+        except Problem as error:
+            if error.status == 422:  # else no scan would ever be sent
+                self._prior = None
+            raise
+        self._prior = self._gnss = None  # where it was at first says nothing of a later session
+        self.sessions += 1
+        return session
 
     @staticmethod
     def _tell(whom: Optional[Callable[[int, Any], None]], stamp_ns: int, what: Any) -> None:
