@@ -1,5 +1,5 @@
 // Thinned scans (localization/thin_scan.md) beside whole ones, of a drive in a map.
-// usage: thin_scans MAP DRIVE
+// usage: thin_scans MAP DRIVE [HARD]
 //
 // Each scan is located from half a metre beside its given pose, and tracked, in three ways: whole,
 // `exact`, `compact`. Prints how many answers of `exact` are those of the whole scan to the bit,
@@ -7,6 +7,10 @@
 // - An answer of `exact` differs.
 // - A body of `exact` has over 200 kB, 260 kB with times, or one of `compact` over 48 kB.
 // - The poses of `compact` are off by over 1 mm (median) or 5 mm (95 %).
+//
+// HARD queries of each scan have priors that are off by up to 8 m and 40 degrees, each third by 30
+// m more. Counted, of whole scans and of both profiles: how many are `ok`, `ok` and off by over 0.5
+// m or 2 degrees, `ok` and beyond a protection level. The truth is the drive's poses.
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/localization/tracker.hpp>
 #include <stillmap/maps/drive.hpp>
@@ -14,8 +18,10 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <memory>
+#include <random>
 #include <span>
 #include <string>
 #include <vector>
@@ -52,11 +58,40 @@ struct Answers {
   }
 };
 
+/// What becomes of hard queries.
+struct Verdicts {
+  int queries = 0, ok = 0, wrong = 0, beyond = 0, other_status = 0;
+
+  void add(const AlignmentResult& result, const AlignmentResult& whole,
+           const Eigen::Isometry3d& T_map_lidar) {
+    constexpr double kWrongM = 0.5, kWrongRad = 0.035;
+    ++queries;
+    other_status += result.status != whole.status ? 1 : 0;
+    if (result.status != PoseStatus::kOk) return;
+    ++ok;
+    const Eigen::Isometry3d off = T_map_lidar.inverse() * result.T_map_lidar;
+    const Eigen::AngleAxisd turn(off.linear());
+    wrong += off.translation().norm() > kWrongM || turn.angle() > kWrongRad ? 1 : 0;
+    const Eigen::Vector3d t = off.translation().cwiseAbs();
+    const ProtectionLevels& levels = result.protection;
+    beyond += t.x() > levels.longitudinal_m || t.y() > levels.lateral_m || t.z() > levels.vertical_m
+                  ? 1
+                  : 0;
+  }
+  void print(const char* name) const {
+    std::printf(
+        "%-8s hard     %d queries: ok %d, wrong %d, beyond a level %d; %d other statuses "
+        "than whole\n",
+        name, queries, ok, wrong, beyond, other_status);
+  }
+};
+
 /// A profile, by queries and by a session.
 struct Profile {
   ThinProfile profile;
   Tracker session;
   Answers queries{}, tracked{};
+  Verdicts hard{};
   std::size_t most_bytes = 0;
 
   Profile(ThinProfile which, const std::shared_ptr<const Aligner>& aligner)
@@ -77,7 +112,17 @@ struct Profile {
   }
 };
 
-int compare(const char* map, const char* folder) {
+Prior hard_prior(const Eigen::Isometry3d& T_map_lidar, int number, std::mt19937& random) {
+  constexpr double kFarM = 30.0;
+  std::uniform_real_distribution<double> off_m(-8.0, 8.0), turn_rad(-0.7, 0.7);
+  Prior prior{T_map_lidar, std::nullopt};
+  prior.T_map_lidar.translation() +=
+      Eigen::Vector3d(off_m(random) + (number % 3 == 2 ? kFarM : 0.0), off_m(random), 0.0);
+  prior.T_map_lidar.rotate(Eigen::AngleAxisd(turn_rad(random), Eigen::Vector3d::UnitZ()));
+  return prior;
+}
+
+int compare(const char* map, const char* folder, int hard) {
   constexpr std::size_t kMostExact = 200'000, kMostExactWithTimes = 260'000;
   const auto package = maps::MapPackage::open(map);
   const std::shared_ptr<const Aligner> aligner = make_aligner("default", *package);
@@ -85,6 +130,8 @@ int compare(const char* map, const char* folder) {
   Tracker session(aligner);
   Profile exact(ThinProfile::kExact, aligner), compact(ThinProfile::kCompact, aligner);
   bool has_times = false;
+  Verdicts hard_whole;
+  std::mt19937 random(1);
   for (std::size_t i = 0; i < drive.size(); ++i) {
     const maps::Scan scan = drive.read(i);
     has_times = has_times || !scan.cloud.time_offsets_s.empty();
@@ -97,9 +144,21 @@ int compare(const char* map, const char* folder) {
       each->queries.add(found, aligner->align_thin(thin, prior));
       each->tracked.add(tracked, each->session.track_thin(scan.stamp_ns, thin).result);
     }
+    for (int k = 0; k < hard; ++k) {
+      const Prior far = hard_prior(drive.T_map_lidar(i), k, random);
+      const AlignmentResult whole = aligner->align(scan.cloud, far);
+      hard_whole.add(whole, whole, drive.T_map_lidar(i));
+      for (Profile* each : {&exact, &compact})
+        each->hard.add(aligner->align_thin(each->sent(scan), far), whole, drive.T_map_lidar(i));
+    }
   }
   exact.print("exact");
   compact.print("compact");
+  if (hard > 0) {
+    hard_whole.print("whole");
+    exact.hard.print("exact");
+    compact.hard.print("compact");
+  }
   const bool holds = exact.queries.equal == exact.queries.scans &&
                      exact.tracked.equal == exact.tracked.scans &&
                      exact.most_bytes <= (has_times ? kMostExactWithTimes : kMostExact) &&
@@ -112,12 +171,12 @@ int compare(const char* map, const char* folder) {
 }  // namespace
 
 int main(int count, char** words) {
-  if (count != 3) {
-    std::fprintf(stderr, "usage: thin_scans MAP DRIVE\n");
+  if (count < 3 || count > 4) {
+    std::fprintf(stderr, "usage: thin_scans MAP DRIVE [HARD]\n");
     return 2;
   }
   try {
-    return compare(words[1], words[2]);
+    return compare(words[1], words[2], count == 4 ? std::atoi(words[3]) : 0);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 2;
