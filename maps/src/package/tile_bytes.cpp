@@ -1,0 +1,335 @@
+#include "package/tile_bytes.hpp"
+
+#include <stillmap/maps/error.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <stdexcept>
+
+namespace stillmap::maps {
+namespace {
+
+constexpr std::uint32_t kMostSteps = 65536;
+/// Points higher above the base have their steps in a list of their own.
+constexpr std::int64_t kMostHeightSteps = 65536;
+
+enum TileFlag : std::uint32_t { kHasHistory = 1, kWideScanNumbers = 2 };
+
+/// The first bytes of a tile.
+struct TileHead {
+  std::uint32_t points = 0;
+  std::uint32_t flags = 0;
+  std::int32_t z_base_m = 0;
+  /// Points beyond 65,536 steps above the base.
+  std::uint32_t tall = 0;
+  /// Points that belong to an object.
+  std::uint32_t of_objects = 0;
+  /// Scans that the histories name.
+  std::uint32_t scans = 0;
+};
+static_assert(sizeof(TileHead) == 24);
+
+/// Where each column of a tile begins, in their order; each at a multiple of 8.
+struct Columns {
+  explicit Columns(const TileHead& head) {
+    const std::uint64_t n = head.points;
+    const bool has_history = (head.flags & kHasHistory) != 0;
+    const std::uint64_t number_bytes = (head.flags & kWideScanNumbers) != 0 ? 4 : 2;
+    end = sizeof(TileHead);
+    x = take(2 * n);
+    y = take(2 * n);
+    z = take(2 * n);
+    intensity = take(2 * n);
+    observations = take(2 * n);
+    kind = take(n);
+    tall_index = take(4 * std::uint64_t{head.tall});
+    tall_steps = take(4 * std::uint64_t{head.tall});
+    object_index = take(4 * std::uint64_t{head.of_objects});
+    object = take(4 * std::uint64_t{head.of_objects});
+    normal = take(has_history ? 3 * n : 0);
+    planarity = take(has_history ? n : 0);
+    scan_source = take(4 * std::uint64_t{head.scans});
+    scan_number = take(4 * std::uint64_t{head.scans});
+    first = take(has_history ? number_bytes * n : 0);
+    last = take(has_history ? number_bytes * n : 0);
+  }
+
+  std::uint64_t take(std::uint64_t bytes) {
+    const std::uint64_t begin = end;
+    end += (bytes + 7) / 8 * 8;
+    return begin;
+  }
+
+  std::uint64_t x = 0, y = 0, z = 0, intensity = 0, observations = 0, kind = 0;
+  std::uint64_t tall_index = 0, tall_steps = 0, object_index = 0, object = 0;
+  std::uint64_t normal = 0, planarity = 0, scan_source = 0, scan_number = 0, first = 0, last = 0;
+  std::uint64_t end = 0;
+};
+
+std::uint16_t tile_step_of(double value_m) {
+  const double step = std::floor(value_m / kTileStepM);
+  return static_cast<std::uint16_t>(std::clamp(step, 0.0, kMostSteps - 1.0));
+}
+
+std::int32_t height_step_of(double value_m) {
+  const double step = std::floor(value_m / kTileStepZM);
+  if (!(std::abs(step) < std::numeric_limits<std::int32_t>::max()))
+    throw std::invalid_argument("a point " + std::to_string(value_m) + " m above its tile's base");
+  return static_cast<std::int32_t>(step);
+}
+
+float middle_of(std::uint16_t step) { return static_cast<float>((step + 0.5) * kTileStepM); }
+
+float height_of(std::int32_t step) { return static_cast<float>((step + 0.5) * kTileStepZM); }
+
+bool is_tall(std::int32_t step) { return step < 0 || step >= kMostHeightSteps; }
+
+/// 11 bits of mantissa; beyond its range the nearest that it has.
+Eigen::half half_of(float value) {
+  const float most = static_cast<float>(Eigen::NumTraits<Eigen::half>::highest());
+  return Eigen::half(std::clamp(value, -most, most));
+}
+
+/// The bytes of a tile in which columns are written.
+class TileWriter {
+ public:
+  explicit TileWriter(std::uint64_t size) : bytes_(size) {}
+  template <typename Number>
+  void put(std::uint64_t column, std::size_t i, Number value) {
+    std::memcpy(bytes_.data() + column + i * sizeof(Number), &value, sizeof(Number));
+  }
+  [[nodiscard]] std::vector<std::byte> take() { return std::move(bytes_); }
+
+ private:
+  std::vector<std::byte> bytes_;
+};
+
+/// Columns within bytes whose size has been checked.
+class TileReader {
+ public:
+  explicit TileReader(std::span<const std::byte> bytes) : bytes_(bytes) {}
+  template <typename Number>
+  [[nodiscard]] Number at(std::uint64_t column, std::size_t i) const {
+    Number value;
+    std::memcpy(&value, bytes_.data() + column + i * sizeof(Number), sizeof(Number));
+    return value;
+  }
+
+ private:
+  std::span<const std::byte> bytes_;
+};
+
+std::vector<SourceScan> scans_of(const std::vector<TilePointHistory>& history) {
+  std::vector<SourceScan> scans;
+  scans.reserve(2 * history.size());
+  for (const TilePointHistory& each : history) {
+    scans.push_back(each.first);
+    scans.push_back(each.last);
+  }
+  std::sort(scans.begin(), scans.end());
+  scans.erase(std::unique(scans.begin(), scans.end()), scans.end());
+  return scans;
+}
+
+void require_encodable(const TileContent& tile) {
+  const auto fail = [](const std::string& what) {
+    throw std::invalid_argument("a tile with " + what);
+  };
+  if (tile.points.empty()) fail("no points");
+  if (tile.points.size() > std::numeric_limits<std::uint32_t>::max()) fail("more than 2^32 points");
+  if (!tile.history.empty() && tile.history.size() != tile.points.size())
+    fail(fmt::format("{} points and {} histories", tile.points.size(), tile.history.size()));
+  for (const MapPoint& p : tile.points) {
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z) ||
+        !std::isfinite(p.intensity))
+      fail("a number that is not finite");
+    if (p.kind > PointKind::kFilled) fail("a point of no kind");
+  }
+}
+
+/// Of a tile without histories the short number is all that is known.
+std::uint32_t object_of(const TileContent& tile, std::size_t i) {
+  return tile.history.empty() ? tile.points[i].object : tile.history[i].object;
+}
+
+void write_points(const TileContent& tile, const Columns& columns, TileWriter& out) {
+  std::size_t tall = 0;
+  std::size_t of_objects = 0;
+  for (std::size_t i = 0; i < tile.points.size(); ++i) {
+    const MapPoint& p = tile.points[i];
+    out.put(columns.x, i, tile_step_of(p.x));
+    out.put(columns.y, i, tile_step_of(p.y));
+    const std::int32_t step = height_step_of(p.z);
+    if (is_tall(step)) {
+      out.put(columns.tall_index, tall, static_cast<std::uint32_t>(i));
+      out.put(columns.tall_steps, tall++, step);
+    } else {
+      out.put(columns.z, i, static_cast<std::uint16_t>(step));
+    }
+    out.put(columns.intensity, i, half_of(p.intensity));
+    out.put(columns.observations, i, p.observations);
+    out.put(columns.kind, i, p.kind);
+    const std::uint32_t object = object_of(tile, i);
+    if (object == 0) continue;
+    out.put(columns.object_index, of_objects, static_cast<std::uint32_t>(i));
+    out.put(columns.object, of_objects++, object);
+  }
+}
+
+void write_history(const TileContent& tile, const std::vector<SourceScan>& scans, bool wide,
+                   const Columns& columns, TileWriter& out) {
+  for (std::size_t k = 0; k < scans.size(); ++k) {
+    out.put(columns.scan_source, k, scans[k].source);
+    out.put(columns.scan_number, k, scans[k].scan);
+  }
+  const auto put_number = [&](std::uint64_t column, std::size_t i, const SourceScan& scan) {
+    const auto at = std::lower_bound(scans.begin(), scans.end(), scan) - scans.begin();
+    if (wide) {
+      out.put(column, i, static_cast<std::uint32_t>(at));
+    } else {
+      out.put(column, i, static_cast<std::uint16_t>(at));
+    }
+  };
+  for (std::size_t i = 0; i < tile.history.size(); ++i) {
+    const TilePointHistory& each = tile.history[i];
+    put_number(columns.first, i, each.first);
+    put_number(columns.last, i, each.last);
+    out.put(columns.normal, i, each.normal);
+    out.put(columns.planarity, i, each.planarity);
+  }
+}
+
+TileHead read_head(std::span<const std::byte> bytes, const std::string& name) {
+  const auto refuse = [&](const std::string& found, const std::string& expected) {
+    throw InputError(name, found, expected + ": copy or build the map again");
+  };
+  TileHead head;
+  if (bytes.size() < sizeof(head)) refuse(fmt::format("{} bytes", bytes.size()), "a tile's head");
+  std::memcpy(&head, bytes.data(), sizeof(head));
+  if (head.points == 0) refuse("a tile without points", "at least one");
+  constexpr std::uint32_t kKnownFlags = kHasHistory | kWideScanNumbers;
+  if ((head.flags & ~kKnownFlags) != 0)
+    refuse(fmt::format("flags {}", head.flags), fmt::format("at most {}", kKnownFlags));
+  const std::uint64_t expected = Columns(head).end;
+  if (bytes.size() != expected)
+    refuse(fmt::format("{} bytes for {} points", bytes.size(), head.points),
+           fmt::format("{}", expected));
+  return head;
+}
+
+/// Calls `set(index, number)` for each row of a list. @throws InputError if an index is not above
+/// the one before, or beyond the points.
+template <typename Number, typename Set>
+void for_each_listed(const TileReader& in, std::uint64_t indices, std::uint64_t numbers,
+                     std::uint32_t rows, std::size_t points, const std::string& name,
+                     const Set& set) {
+  std::int64_t before = -1;
+  for (std::uint32_t row = 0; row < rows; ++row) {
+    const auto index = in.at<std::uint32_t>(indices, row);
+    if (index >= points || index <= before)
+      throw InputError(name, fmt::format("index {} after {} of {} points", index, before, points),
+                       "ascending ones: copy or build the map again");
+    before = index;
+    set(index, in.at<Number>(numbers, row));
+  }
+}
+
+std::uint8_t short_object(std::uint32_t object) {
+  constexpr std::uint32_t kShort = 255;
+  return object == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(1 + (object - 1) % kShort);
+}
+
+void read_points(const TileReader& in, const TileHead& head, const Columns& columns,
+                 const std::string& name, TileContent& tile) {
+  tile.z_base_m = head.z_base_m;
+  tile.points.resize(head.points);
+  for (std::size_t i = 0; i < head.points; ++i) {
+    MapPoint& p = tile.points[i];
+    p.x = middle_of(in.at<std::uint16_t>(columns.x, i));
+    p.y = middle_of(in.at<std::uint16_t>(columns.y, i));
+    p.z = height_of(in.at<std::uint16_t>(columns.z, i));
+    p.intensity = static_cast<float>(in.at<Eigen::half>(columns.intensity, i));
+    p.observations = in.at<std::uint16_t>(columns.observations, i);
+    const auto kind = in.at<std::uint8_t>(columns.kind, i);
+    if (kind > static_cast<std::uint8_t>(PointKind::kFilled))
+      throw InputError(name, fmt::format("kind {} of point {}", kind, i),
+                       "0 to 3: copy or build the map again");
+    p.kind = static_cast<PointKind>(kind);
+  }
+  for_each_listed<std::int32_t>(
+      in, columns.tall_index, columns.tall_steps, head.tall, head.points, name,
+      [&](std::uint32_t i, std::int32_t step) { tile.points[i].z = height_of(step); });
+  for_each_listed<std::uint32_t>(
+      in, columns.object_index, columns.object, head.of_objects, head.points, name,
+      [&](std::uint32_t i, std::uint32_t object) { tile.points[i].object = short_object(object); });
+}
+
+void read_history(const TileReader& in, const TileHead& head, const Columns& columns,
+                  const std::string& name, TileContent& tile) {
+  const auto scan_of = [&](std::uint64_t column, std::size_t i) -> SourceScan {
+    const std::uint32_t row = (head.flags & kWideScanNumbers) != 0
+                                  ? in.at<std::uint32_t>(column, i)
+                                  : in.at<std::uint16_t>(column, i);
+    if (row >= head.scans)
+      throw InputError(name, fmt::format("scan {} of point {}", row, i),
+                       fmt::format("below {}: copy or build the map again", head.scans));
+    return {in.at<std::uint32_t>(columns.scan_source, row),
+            in.at<std::uint32_t>(columns.scan_number, row)};
+  };
+  tile.history.resize(head.points);
+  for (std::size_t i = 0; i < head.points; ++i) {
+    TilePointHistory& each = tile.history[i];
+    each.first = scan_of(columns.first, i);
+    each.last = scan_of(columns.last, i);
+    each.normal = in.at<std::array<std::int8_t, 3>>(columns.normal, i);
+    each.planarity = in.at<std::uint8_t>(columns.planarity, i);
+  }
+  for_each_listed<std::uint32_t>(
+      in, columns.object_index, columns.object, head.of_objects, head.points, name,
+      [&](std::uint32_t i, std::uint32_t object) { tile.history[i].object = object; });
+}
+
+}  // namespace
+
+float in_tile_steps(double value_m) { return middle_of(tile_step_of(value_m)); }
+
+float in_height_steps(double value_m) { return height_of(height_step_of(value_m)); }
+
+std::vector<std::byte> encode_tile(const TileContent& tile) {
+  require_encodable(tile);
+  const std::vector<SourceScan> scans = scans_of(tile.history);
+  const bool wide = scans.size() > kMostSteps;
+  TileHead head;
+  head.points = static_cast<std::uint32_t>(tile.points.size());
+  head.z_base_m = tile.z_base_m;
+  head.scans = static_cast<std::uint32_t>(scans.size());
+  if (!tile.history.empty()) head.flags |= kHasHistory;
+  if (wide) head.flags |= kWideScanNumbers;
+  for (std::size_t i = 0; i < tile.points.size(); ++i) {
+    head.tall += is_tall(height_step_of(tile.points[i].z)) ? 1 : 0;
+    head.of_objects += object_of(tile, i) != 0 ? 1 : 0;
+  }
+  const Columns columns(head);
+  TileWriter out(columns.end);
+  out.put(0, 0, head);
+  write_points(tile, columns, out);
+  write_history(tile, scans, wide, columns, out);
+  return out.take();
+}
+
+TileContent decode_tile(std::span<const std::byte> bytes, const std::string& name,
+                        bool with_history) {
+  const TileHead head = read_head(bytes, name);
+  const Columns columns(head);
+  const TileReader in(bytes);
+  TileContent tile;
+  read_points(in, head, columns, name, tile);
+  if (with_history && (head.flags & kHasHistory) != 0) read_history(in, head, columns, name, tile);
+  return tile;
+}
+
+}  // namespace stillmap::maps
