@@ -1,0 +1,214 @@
+#include "package/tile_packs.hpp"
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/sha256.hpp>
+#include <stillmap/maps/text.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+
+#include "storage/write_file.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+constexpr const char* kRegionsFolder = "regions";
+constexpr const char* kPacksFolder = "packs";
+
+Sha256Bytes sha256_bytes(std::span<const std::byte> bytes) {
+  Sha256 hash;
+  hash.add(bytes.data(), bytes.size());
+  return std::bit_cast<Sha256Bytes>(hash.bytes());
+}
+
+std::string hex_of(const Sha256Bytes& digest) {
+  std::string text;
+  for (const std::byte byte : digest) text += fmt::format("{:02x}", std::to_integer<int>(byte));
+  return text;
+}
+
+std::int32_t region_along(std::int32_t tile) {
+  return tile >= 0 ? tile / kRegionTiles : -1 - (-1 - tile) / kRegionTiles;
+}
+
+std::string tile_name(TileId id) { return fmt::format("tile {}, {}", id.x, id.y); }
+
+/// Bounds in steps, from what the bytes hold.
+void set_bounds(const TileContent& tile, TileRow& row) {
+  const auto along = [](float value) {
+    return static_cast<std::uint16_t>(static_cast<double>(value) / kTileStepM);
+  };
+  const auto up = [](float value) {
+    return static_cast<std::int32_t>(std::floor(static_cast<double>(value) / kTileStepZM));
+  };
+  row.min_xy = {std::numeric_limits<std::uint16_t>::max(),
+                std::numeric_limits<std::uint16_t>::max()};
+  row.min_z = std::numeric_limits<std::int32_t>::max();
+  row.max_z = std::numeric_limits<std::int32_t>::min();
+  for (const MapPoint& p : tile.points) {
+    const std::array<std::uint16_t, 2> xy{along(in_tile_steps(p.x)), along(in_tile_steps(p.y))};
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      row.min_xy[axis] = std::min(row.min_xy[axis], xy[axis]);
+      row.max_xy[axis] = std::max(row.max_xy[axis], xy[axis]);
+    }
+    row.min_z = std::min(row.min_z, up(in_height_steps(p.z)));
+    row.max_z = std::max(row.max_z, up(in_height_steps(p.z)));
+  }
+}
+
+}  // namespace
+
+RegionId region_of(TileId tile) { return {region_along(tile.x), region_along(tile.y)}; }
+
+std::string region_path(RegionId region) {
+  return fmt::format("{}/{}_{}.node", kRegionsFolder, region.x, region.y);
+}
+
+std::string pack_path(const Pack& pack) {
+  return fmt::format("{}/{}.pack", kPacksFolder, hex_of(pack.sha256));
+}
+
+/// A region that is being written: its tiles lie in a file in the order in which they came.
+struct PackWriter::Region {
+  std::filesystem::path file;
+  std::ofstream out;
+  std::uint64_t bytes = 0;
+  std::vector<TileRow> tiles;
+};
+
+PackWriter::PackWriter(std::filesystem::path folder) : folder_(std::move(folder)) {
+  for (const char* name : {kRegionsFolder, kPacksFolder})
+    std::filesystem::create_directories(folder_ / name);
+}
+
+PackWriter::~PackWriter() = default;
+
+void PackWriter::add(TileId id, const TileContent& tile) {
+  if (id.level != 0) throw std::invalid_argument(tile_name(id) + ": of a level above 0");
+  const RegionId number = region_of(id);
+  std::unique_ptr<Region>& region = regions_[number];
+  if (!region) {
+    region = std::make_unique<Region>();
+    region->file = folder_ / kPacksFolder / fmt::format("{}_{}.part", number.x, number.y);
+  }
+  TileRow row;
+  row.x = static_cast<std::uint8_t>(id.x - kRegionTiles * number.x);
+  row.y = static_cast<std::uint8_t>(id.y - kRegionTiles * number.y);
+  if (std::any_of(region->tiles.begin(), region->tiles.end(),
+                  [&](const TileRow& each) { return each.x == row.x && each.y == row.y; }))
+    throw std::invalid_argument(tile_name(id) + ": added twice");
+  const std::vector<std::byte> bytes = encode_tile(tile);
+  row.points = static_cast<std::uint32_t>(tile.points.size());
+  row.offset = region->bytes;
+  row.bytes = static_cast<std::uint32_t>(bytes.size());
+  row.z_base_m = tile.z_base_m;
+  set_bounds(tile, row);
+  row.sha256 = sha256_bytes(bytes);
+  // A file is open only while something is written to it: a map may have many regions.
+  region->out.open(region->file, std::ios::binary | std::ios::app);
+  region->out.write(reinterpret_cast<const char*>(bytes.data()),
+                    static_cast<std::streamsize>(bytes.size()));
+  region->out.close();
+  if (!region->out)
+    throw StorageError(region->file.string(), "cannot be written: look at the disk's room");
+  region->bytes += bytes.size();
+  region->tiles.push_back(row);
+}
+
+void PackWriter::finish() {
+  for (auto& [number, region] : regions_) {
+    const std::filesystem::path sorted = region->file.string() + ".sorted";
+    std::sort(region->tiles.begin(), region->tiles.end(), [](const TileRow& a, const TileRow& b) {
+      return std::pair(a.x, a.y) < std::pair(b.x, b.y);
+    });
+    Pack pack{.bytes = region->bytes};
+    {
+      const MappedFile came(region->file);
+      std::ofstream out(sorted, std::ios::binary);
+      Sha256 hash;
+      std::uint64_t offset = 0;
+      for (TileRow& row : region->tiles) {
+        const auto bytes = came.bytes().subspan(row.offset, row.bytes);
+        out.write(reinterpret_cast<const char*>(bytes.data()),
+                  static_cast<std::streamsize>(bytes.size()));
+        hash.add(bytes.data(), bytes.size());
+        row.offset = std::exchange(offset, offset + row.bytes);
+      }
+      out.close();
+      if (!out) throw StorageError(sorted.string(), "cannot be written: look at the disk's room");
+      pack.sha256 = std::bit_cast<Sha256Bytes>(hash.bytes());
+    }
+    std::filesystem::rename(sorted, folder_ / pack_path(pack));
+    std::filesystem::remove(region->file);
+    const std::vector<std::byte> node = encode_region({{pack}, region->tiles});
+    write_file(folder_ / region_path(number),
+               {reinterpret_cast<const char*>(node.data()), node.size()});
+  }
+  regions_.clear();
+}
+
+PackReader::PackReader(std::filesystem::path folder, const std::vector<RegionId>& regions)
+    : folder_(std::move(folder)) {
+  for (const RegionId& number : regions) {
+    const std::filesystem::path file = folder_ / region_path(number);
+    const std::string bytes = read_text(file);
+    RegionNode node = decode_region(std::as_bytes(std::span(bytes)), file.string());
+    for (const Pack& pack : node.packs) {
+      const std::filesystem::path path = folder_ / pack_path(pack);
+      std::error_code error;
+      const std::uint64_t found = std::filesystem::file_size(path, error);
+      if (error || found != pack.bytes)
+        throw InputError(path.string(), error ? "no file" : fmt::format("{} bytes", found),
+                         fmt::format("{}: copy or build the map again", pack.bytes));
+    }
+    for (const TileRow& row : node.tiles)
+      tiles_.push_back(
+          {{.level = 0, .x = kRegionTiles * number.x + row.x, .y = kRegionTiles * number.y + row.y},
+           row});
+    packs_.emplace(number, std::move(node.packs));
+  }
+  std::sort(tiles_.begin(), tiles_.end(),
+            [](const auto& a, const auto& b) { return a.first < b.first; });
+}
+
+PackReader::~PackReader() = default;
+
+const TileRow* PackReader::find(TileId id) const {
+  const auto at =
+      std::lower_bound(tiles_.begin(), tiles_.end(), id,
+                       [](const auto& tile, TileId wanted) { return tile.first < wanted; });
+  return at == tiles_.end() || at->first != id ? nullptr : &at->second;
+}
+
+const MappedFile& PackReader::mapped(const std::string& pack) const {
+  const std::lock_guard lock(mutex_);
+  std::unique_ptr<MappedFile>& file = mapped_[pack];
+  if (!file) file = std::make_unique<MappedFile>(folder_ / pack);
+  return *file;
+}
+
+std::span<const std::byte> PackReader::bytes(TileId id) const {
+  const TileRow* const row = find(id);
+  if (row == nullptr) return {};
+  const Pack& pack = packs_.at(region_of(id)).at(row->pack);
+  const std::span<const std::byte> all = mapped(pack_path(pack)).bytes();
+  if (all.size() != pack.bytes)
+    throw InputError((folder_ / pack_path(pack)).string(), fmt::format("{} bytes", all.size()),
+                     fmt::format("{}: copy or build the map again", pack.bytes));
+  return all.subspan(row->offset, row->bytes);
+}
+
+void PackReader::require_whole(TileId id) const {
+  const TileRow* const row = find(id);
+  if (row == nullptr) throw std::invalid_argument(tile_name(id) + ": no tile of the package");
+  const Sha256Bytes found = sha256_bytes(bytes(id));
+  if (found == row->sha256) return;
+  const std::string pack = pack_path(packs_.at(region_of(id)).at(row->pack));
+  throw InputError((folder_ / pack).string() + ", " + tile_name(id), "SHA-256 " + hex_of(found),
+                   hex_of(row->sha256) + " as in the region's node: copy or build the map again");
+}
+
+}  // namespace stillmap::maps

@@ -1,0 +1,154 @@
+#include "package/tile_packs.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stillmap/maps/error.hpp>
+
+#include <algorithm>
+#include <fstream>
+#include <random>
+
+#include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::maps {
+namespace tile_packs_test {
+
+namespace fs = std::filesystem;
+using test::ThrowsSaying;
+
+TileContent tile_of(TileId id) {
+  std::mt19937 random(static_cast<unsigned>(1000 * id.x + id.y));
+  std::uniform_real_distribution<float> along(0.0F, 20.0F);
+  TileContent tile;
+  tile.z_base_m = id.y;
+  for (int i = 0; i < 50; ++i)
+    tile.points.push_back(
+        {along(random), along(random), along(random), 1.0F, 3, PointKind::kMeasured, 0});
+  return tile;
+}
+
+std::vector<TileId> some_tiles() {
+  std::vector<TileId> tiles;
+  for (const std::int32_t x : {-33, -32, -1, 0, 31, 32})
+    for (const std::int32_t y : {-1, 0, 40}) tiles.push_back({.level = 0, .x = x, .y = y});
+  return tiles;
+}
+
+std::vector<RegionId> write(const fs::path& folder, const std::vector<TileId>& tiles) {
+  PackWriter writer(folder);
+  std::vector<RegionId> regions;
+  for (const TileId& id : tiles) {
+    writer.add(id, tile_of(id));
+    regions.push_back(region_of(id));
+  }
+  writer.finish();
+  std::sort(regions.begin(), regions.end());
+  regions.erase(std::unique(regions.begin(), regions.end()), regions.end());
+  return regions;
+}
+
+std::map<std::string, std::string> contents(const fs::path& folder) {
+  std::map<std::string, std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (!entry.is_regular_file()) continue;
+    std::ifstream file(entry.path(), std::ios::binary);
+    files[entry.path().lexically_relative(folder).string()].assign(
+        std::istreambuf_iterator<char>(file), {});
+  }
+  return files;
+}
+
+TEST(TilePacks, RegionsCountFromZeroDownwardsToo) {
+  EXPECT_EQ(region_of({0, 31, 0}), (RegionId{0, 0}));
+  EXPECT_EQ(region_of({0, 32, -1}), (RegionId{1, -1}));
+  EXPECT_EQ(region_of({0, -32, -33}), (RegionId{-1, -2}));
+}
+
+TEST(TilePacks, GiveTilesBack) {
+  const test::TemporaryFolder folder;
+  const PackReader reader(folder.path(), write(folder.path(), some_tiles()));
+  EXPECT_EQ(reader.tiles().size(), some_tiles().size());
+  EXPECT_TRUE(std::is_sorted(reader.tiles().begin(), reader.tiles().end(),
+                             [](const auto& a, const auto& b) { return a.first < b.first; }));
+  for (const TileId& id : some_tiles()) {
+    const TileContent tile = decode_tile(reader.bytes(id), "tile");
+    EXPECT_EQ(encode_tile(tile), encode_tile(tile_of(id)));
+    EXPECT_EQ(tile.z_base_m, id.y);
+    const TileRow* const row = reader.find(id);
+    ASSERT_NE(row, nullptr);
+    EXPECT_EQ(row->points, tile.points.size());
+    for (const MapPoint& p : tile.points) {
+      EXPECT_GE(p.x, row->min_xy[0] * kTileStepM);
+      EXPECT_LE(p.x, (row->max_xy[0] + 1) * kTileStepM);
+      EXPECT_GE(p.z, row->min_z * kTileStepZM);
+      EXPECT_LE(p.z, (row->max_z + 1) * kTileStepZM);
+    }
+    EXPECT_NO_THROW(reader.require_whole(id));
+  }
+  EXPECT_EQ(reader.find({.level = 0, .x = 5, .y = 5}), nullptr);
+  EXPECT_TRUE(reader.bytes({.level = 0, .x = 5, .y = 5}).empty());
+}
+
+TEST(TilePacks, DoNotTellTheOrderInWhichTilesCame) {
+  const test::TemporaryFolder one, other;
+  write(one.path(), some_tiles());
+  std::vector<TileId> tiles = some_tiles();
+  std::mt19937 random(1);
+  std::shuffle(tiles.begin(), tiles.end(), random);
+  write(other.path(), tiles);
+  EXPECT_EQ(contents(one.path()), contents(other.path()));
+  EXPECT_EQ(contents(one.path()).size(), 2U * 12);
+}
+
+TEST(TilePacks, LeaveOtherRegionsAloneWhenATileChanges) {
+  const test::TemporaryFolder one, other;
+  write(one.path(), some_tiles());
+  std::vector<TileId> fewer = some_tiles();
+  fewer.pop_back();
+  write(other.path(), fewer);
+  const auto before = contents(one.path()), after = contents(other.path());
+  std::size_t shared = 0;
+  for (const auto& [name, bytes] : after)
+    shared += before.contains(name) && before.at(name) == bytes ? 1 : 0;
+  EXPECT_EQ(shared, after.size());
+  EXPECT_EQ(before.size(), after.size() + 2);
+}
+
+TEST(TilePacks, NameWhatIsMissingOrDamaged) {
+  const test::TemporaryFolder folder;
+  const std::vector<RegionId> regions = write(folder.path(), some_tiles());
+  const TileId id = some_tiles().front();
+  fs::path pack;
+  {
+    const PackReader reader(folder.path(), regions);
+    const std::string bytes(reinterpret_cast<const char*>(reader.bytes(id).data()), 40);
+    for (const auto& [name, content] : contents(folder.path()))
+      if (content.find(bytes) != std::string::npos) pack = folder.path() / name;
+  }
+  std::fstream file(pack, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekp(60);
+  file.put('\x55');
+  file.close();
+  const PackReader reader(folder.path(), regions);
+  EXPECT_THAT([&] { reader.require_whole(id); },
+              (ThrowsSaying<InputError>({pack.string(), "tile -33, -1", "copy or build"})));
+  fs::resize_file(pack, fs::file_size(pack) - 1);
+  EXPECT_THAT([&] { const PackReader cut(folder.path(), regions); },
+              (ThrowsSaying<InputError>({pack.string(), "bytes"})));
+  fs::remove(pack);
+  EXPECT_THAT([&] { const PackReader gone(folder.path(), regions); },
+              (ThrowsSaying<InputError>({pack.string(), "no file"})));
+}
+
+TEST(TilePacks, RefuseATileTwiceAndOtherLevels) {
+  const test::TemporaryFolder folder;
+  PackWriter writer(folder.path());
+  const TileId id{.level = 0, .x = 1, .y = 1};
+  writer.add(id, tile_of(id));
+  EXPECT_THROW(writer.add(id, tile_of(id)), std::invalid_argument);
+  EXPECT_THROW(writer.add({.level = 1, .x = 0, .y = 0}, tile_of(id)), std::invalid_argument);
+}
+
+}  // namespace tile_packs_test
+}  // namespace stillmap::maps
