@@ -58,11 +58,6 @@ struct ImportFrame {
   std::string taken_as_wgs84;
 };
 
-/// Whole metres; the addition turns -0 into 0.
-Eigen::Vector3d rounded(const Eigen::Vector3d& p) {
-  return p.array().round().matrix() + Eigen::Vector3d::Zero();
-}
-
 class CloudImport {
  public:
   CloudImport(const std::filesystem::path& file, const MapImportOptions& options,
@@ -109,7 +104,7 @@ class CloudImport {
     if (summary.points_in_file == summary.non_finite + summary.withheld)
       throw maps::InputError(file_.string(), "no point that is finite", "at least one");
     if (summary.single_precision) check_precision(bounds);
-    const Eigen::Vector3d middle = rounded(0.5 * (bounds.min + bounds.max));
+    const Eigen::Vector3d middle = map_origin_near(0.5 * (bounds.min + bounds.max));
     if (autoware_)
       find_frame_of_autoware(middle);
     else
@@ -118,7 +113,7 @@ class CloudImport {
     if (!R_map_file_.isIdentity())
       throw maps::InputError(file_.string(), "coordinates in a grid, whose z is up, with --up",
                              "z: leave --up out");
-    return rounded(frame_.projection->to_map(middle));
+    return map_origin_near(frame_.projection->to_map(middle));
   }
 
   /// Where the map stands, once it is measured.
@@ -313,14 +308,14 @@ std::vector<Eigen::Vector3f> means_of(const VoxelGrid& grid, maps::TileId id,
                                       const std::vector<VoxelSum>& sums) {
   std::vector<Eigen::Vector3f> means;
   means.reserve(sums.size());
-  for (const VoxelSum& sum : sums) means.push_back(mean_of(grid, id, sum));
+  for (const VoxelSum& sum : sums) means.push_back(mean_of(grid, id, sum).cast<float>());
   return means;
 }
 
 TilePoints finished(const VoxelGrid& grid, maps::TileId id, std::vector<VoxelSum> sums,
                     const ColumnGround& ground) {
   for (VoxelSum& sum : sums) {
-    const Eigen::Vector3f p = mean_of(grid, id, sum);
+    const Eigen::Vector3f p = mean_of(grid, id, sum).cast<float>();
     const auto height_m = ground.at(p);
     if (height_m && std::abs(p.z() - *height_m) <= kGroundM) sum.ground = sum.observations;
     // Parts of a file are no scans.

@@ -8,6 +8,7 @@
 #include "pipeline/opened_drives.hpp"
 #include "pipeline/posed_drives_bytes.hpp"
 #include "registration/map_registration.hpp"
+#include "stacking/voxel_grid.hpp"
 #include "trajectory/drive_pose_faults.hpp"
 #include "trajectory/given_pose_errors.hpp"
 
@@ -269,11 +270,9 @@ PosedDrives journaled_poses(Build& build) {
   return posed;
 }
 
-/// Whole metres, so that the same place gets the same origin from slightly different poses.
 Eigen::Vector3d origin_of(const DriveSet& drives, const std::optional<BuildFrame>& frame) {
   if (frame) return frame->origin;
-  return drives.T_map_scan(0).translation().array().round().matrix() +
-         Eigen::Vector3d::Zero();  // turns -0 into 0
+  return map_origin_near(drives.T_map_scan(0).translation());
 }
 
 /// One a pose of the map.

@@ -2,7 +2,10 @@
 
 #include "stacking/normals.hpp"
 
+#include <stillmap/maps/tile_steps.hpp>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -16,6 +19,30 @@ std::uint8_t short_number(std::uint32_t object) {
 maps::PointKind kind_of(const VoxelSum& sum) {
   if (sum.moved()) return maps::PointKind::kProjected;
   return is_ground(sum) ? maps::PointKind::kGround : maps::PointKind::kMeasured;
+}
+
+/// Rounding to a float must not carry a point over its tile's border.
+Eigen::Vector3f in_tile(maps::TileId tile, const Eigen::Vector3d& p) {
+  Eigen::Vector3f rounded = p.cast<float>();
+  const std::array<std::int32_t, 2> number{tile.x, tile.y};
+  for (Eigen::Index axis = 0; axis < 2; ++axis) {
+    const double corner = maps::kTileSizeM * number.at(static_cast<std::size_t>(axis));
+    const auto end = static_cast<float>(corner + maps::kTileSizeM);
+    rounded[axis] = std::clamp(rounded[axis], static_cast<float>(corner),
+                               std::nextafter(end, -std::numeric_limits<float>::infinity()));
+  }
+  return rounded;
+}
+
+/// A point in steps that has not left its voxel: where the middle of its step has, the next step.
+Eigen::Vector3f in_steps_of_voxel(const VoxelGrid& grid, maps::TileId tile, std::uint64_t voxel,
+                                  const Eigen::Vector3d& p) {
+  const Eigen::Array3d steps(maps::kTileStepM, maps::kTileStepM, maps::kTileStepZM);
+  const Eigen::Array3d begin = grid.position(tile, voxel, Eigen::Vector3d::Zero());
+  const Eigen::Array3d middle = maps::in_steps(tile, p).cast<double>();
+  const Eigen::Array3d below = (middle < begin).cast<double>();
+  const Eigen::Array3d above = (middle >= begin + grid.voxel_size_m()).cast<double>();
+  return maps::in_steps(tile, middle + steps * (below - above));
 }
 
 maps::MapPoint point_of(const Eigen::Vector3f& p, const VoxelSum& sum) {
@@ -45,7 +72,7 @@ void set_normals(const std::vector<Eigen::Vector3f>& measured,
 
 }  // namespace
 
-Eigen::Vector3f mean_of(const VoxelGrid& grid, maps::TileId tile, const VoxelSum& sum) {
+Eigen::Vector3d mean_of(const VoxelGrid& grid, maps::TileId tile, const VoxelSum& sum) {
   const Eigen::Vector3d offset =
       Eigen::Vector3f(sum.offset[0], sum.offset[1], sum.offset[2]).cast<double>() /
       sum.observations;
@@ -60,7 +87,7 @@ CleaningPoints cleaning_points(const VoxelGrid& grid, maps::TileId tile,
   numbers.clear();
   for (std::size_t i = 0; i < sums.size(); ++i) {
     if (sums[i].moved()) continue;
-    points.positions.push_back(mean_of(grid, tile, sums[i]));
+    points.positions.push_back(in_tile(tile, mean_of(grid, tile, sums[i])));
     points.is_ground.push_back(is_ground(sums[i]) ? 1 : 0);
     points.scans.push_back(sums[i].scans);
     numbers.push_back(i);
@@ -76,20 +103,21 @@ TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector
   std::vector<Eigen::Vector3f> measured, seen_from;
   std::vector<std::size_t> numbers;
   for (const VoxelSum& sum : sums) {
-    const Eigen::Vector3f p = mean_of(grid, tile, sum);
+    const Eigen::Vector3d p = mean_of(grid, tile, sum);
     if (!sum.moved()) {
-      measured.push_back(p);
+      measured.push_back(in_tile(tile, p));
       seen_from.push_back(lidar_of_scan(sum.first_scan));
       numbers.push_back(out.points.size());
     }
-    out.points.push_back(point_of(p, sum));
+    out.points.push_back(point_of(in_steps_of_voxel(grid, tile, sum.voxel(), p), sum));
     out.history.push_back({sum.first_scan, sum.last_scan, sum.object, {0, 0, 0}, 0});
   }
   set_normals(measured, seen_from, numbers, out);
   return out;
 }
 
-void add_filled(const Eigen::Vector3f& p, std::uint32_t object, TilePoints& tile) {
+void add_filled(const Eigen::Vector3f& filled, std::uint32_t object, TilePoints& tile) {
+  const Eigen::Vector3f p = maps::in_steps(tile.id, filled.cast<double>());
   tile.points.push_back(
       {p.x(), p.y(), p.z(), 0.0F, 0, maps::PointKind::kFilled, short_number(object)});
   tile.history.push_back({0, 0, object, {0, 0, 0}, 0});

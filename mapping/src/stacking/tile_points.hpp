@@ -22,7 +22,7 @@ struct TilePoints {
 };
 
 /// The mean of a voxel, from the map's origin [m].
-[[nodiscard]] Eigen::Vector3f mean_of(const VoxelGrid& grid, maps::TileId tile,
+[[nodiscard]] Eigen::Vector3d mean_of(const VoxelGrid& grid, maps::TileId tile,
                                       const VoxelSum& sum);
 /// Whether most of what a voxel saw is ground.
 [[nodiscard]] inline bool is_ground(const VoxelSum& sum) {
@@ -35,13 +35,16 @@ struct TilePoints {
                                              const std::vector<VoxelSum>& sums,
                                              std::vector<std::size_t>& numbers);
 
-/// Turns the voxels of a tile into points: means, kinds, normals, who saw them when.
+/// Turns the voxels of a tile into points: means, kinds, normals, who saw them when. Coordinates
+/// are put into the steps of the package here (`maps/tile_steps.hpp`), so that whoever reads a map
+/// sees the same values.
 /// @param lidar_of_scan  where the sensor was at a scan, from the map's origin [m].
 [[nodiscard]] TilePoints to_points(
     const VoxelGrid& grid, maps::TileId tile, const std::vector<VoxelSum>& sums,
     const std::function<Eigen::Vector3f(std::uint32_t scan)>& lidar_of_scan);
 
-/// Adds a point of synthetic ground. @param object  number of the object that stood there plus 1.
-void add_filled(const Eigen::Vector3f& p, std::uint32_t object, TilePoints& tile);
+/// Adds a point of synthetic ground, in steps as above. @param object  number of the object that
+/// stood there plus 1.
+void add_filled(const Eigen::Vector3f& filled, std::uint32_t object, TilePoints& tile);
 
 }  // namespace stillmap::mapping

@@ -16,6 +16,12 @@ constexpr double kMostTiles = 1 << 20;
 
 }  // namespace
 
+Eigen::Vector3d map_origin_near(const Eigen::Vector3d& p_map) {
+  const Eigen::Vector3d steps(maps::kTileSizeM, maps::kTileSizeM, 1.0);
+  const Eigen::Vector3d origin = (p_map.array() / steps.array()).round() * steps.array();
+  return origin + Eigen::Vector3d::Zero();  // turns -0 into 0
+}
+
 VoxelGrid::VoxelGrid(const Eigen::Vector3d& origin, double voxel_size_m)
     : origin_(origin),
       voxel_size_m_(voxel_size_m),
@@ -46,7 +52,7 @@ std::optional<VoxelGrid::Place> VoxelGrid::find(const Eigen::Vector3d& p_map) co
   return place;
 }
 
-Eigen::Vector3f VoxelGrid::position(maps::TileId tile, std::uint64_t voxel,
+Eigen::Vector3d VoxelGrid::position(maps::TileId tile, std::uint64_t voxel,
                                     const Eigen::Vector3d& offset) const {
   constexpr std::uint64_t kSideMask = (1U << kSideBits) - 1;
   constexpr std::uint64_t kLevelMask = (1U << kLevelBits) - 1;
@@ -55,15 +61,7 @@ Eigen::Vector3f VoxelGrid::position(maps::TileId tile, std::uint64_t voxel,
       static_cast<double>(voxel >> kLevelBits & kSideMask),
       static_cast<double>(static_cast<std::int64_t>(voxel & kLevelMask) - kLevelHalf));
   const Eigen::Array3d corner(tile.x * maps::kTileSizeM, tile.y * maps::kTileSizeM, 0.0);
-  Eigen::Vector3f p = (corner + cell * voxel_size_m_ + offset.array()).matrix().cast<float>();
-  for (Eigen::Index axis = 0; axis < 2; ++axis) {
-    // Rounding to float must not carry a point over its tile's border.
-    const auto end = static_cast<float>(corner[axis] + maps::kTileSizeM);
-    const auto begin = static_cast<float>(corner[axis]);
-    p[axis] =
-        std::clamp(p[axis], begin, std::nextafter(end, -std::numeric_limits<float>::infinity()));
-  }
-  return p;
+  return corner + cell * voxel_size_m_ + offset.array();
 }
 
 }  // namespace stillmap::mapping

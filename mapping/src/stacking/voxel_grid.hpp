@@ -9,6 +9,11 @@
 
 namespace stillmap::mapping {
 
+/// The origin of a map around a place: a corner of the tiles of the map frame, which are 20 m wide
+/// and begin at its zero, and whole metres in height. So all maps of one frame have the same tiles,
+/// and slightly different poses of one place give the same origin.
+[[nodiscard]] Eigen::Vector3d map_origin_near(const Eigen::Vector3d& p_map);
+
 /// The voxels of a map, counted from the lower corner of each 20 m tile, so that none crosses a
 /// tile's border (the last one of a row is cut where the edge does not divide 20 m).
 class VoxelGrid {
@@ -27,9 +32,8 @@ class VoxelGrid {
 
   /// @return nothing for a point that is not finite, or too far from the origin for the bits.
   [[nodiscard]] std::optional<Place> find(const Eigen::Vector3d& p_map) const;
-  /// @param offset  from the voxel's lower corner [m]. @return from the origin [m], within the
-  /// tile.
-  [[nodiscard]] Eigen::Vector3f position(maps::TileId tile, std::uint64_t voxel,
+  /// @param offset  from the voxel's lower corner [m]. @return from the origin [m].
+  [[nodiscard]] Eigen::Vector3d position(maps::TileId tile, std::uint64_t voxel,
                                          const Eigen::Vector3d& offset) const;
 
   [[nodiscard]] const Eigen::Vector3d& origin() const { return origin_; }

@@ -21,10 +21,15 @@ struct RegionHead {
 };
 static_assert(sizeof(RegionHead) == 16 && sizeof(Pack) == 40);
 
+std::uint64_t size_of(const RegionHead& head) {
+  return sizeof(head) + std::uint64_t{head.packs} * sizeof(Pack) +
+         std::uint64_t{head.tiles} * sizeof(RegionTile);
+}
+
 /// What is wrong with a region: what was found, and what was expected.
 std::optional<std::pair<std::string, std::string>> fault_of(const RegionNode& region) {
   int before = -1;
-  for (const TileRow& tile : region.tiles) {
+  for (const RegionTile& tile : region.tiles) {
     const std::string name = fmt::format("tile {}, {}", tile.x, tile.y);
     if (tile.x >= kRegionTiles || tile.y >= kRegionTiles)
       return std::pair(name, fmt::format("numbers below {}", kRegionTiles));
@@ -50,14 +55,13 @@ std::vector<std::byte> encode_region(const RegionNode& region) {
     throw std::invalid_argument("a region: found " + fault->first + ", expected " + fault->second);
   const RegionHead head{.packs = static_cast<std::uint32_t>(region.packs.size()),
                         .tiles = static_cast<std::uint32_t>(region.tiles.size())};
-  std::vector<std::byte> bytes;
-  const auto add = [&](const auto& records) {
-    const auto more = std::as_bytes(std::span(records));
-    bytes.insert(bytes.end(), more.begin(), more.end());
-  };
-  add(std::array{head});
-  add(region.packs);
-  add(region.tiles);
+  std::vector<std::byte> bytes(size_of(head));
+  std::memcpy(bytes.data(), &head, sizeof(head));
+  std::byte* const packs = bytes.data() + sizeof(head);
+  if (head.packs > 0) std::memcpy(packs, region.packs.data(), head.packs * sizeof(Pack));
+  if (head.tiles > 0)
+    std::memcpy(packs + head.packs * sizeof(Pack), region.tiles.data(),
+                head.tiles * sizeof(RegionTile));
   return bytes;
 }
 
@@ -69,8 +73,7 @@ RegionNode decode_region(std::span<const std::byte> bytes, const std::string& na
   std::memcpy(&head, bytes.data(), sizeof(head));
   if (head.magic != kRegionMagic)
     throw InputError(name, "other bytes at its beginning", "smregio1" + remedy);
-  const std::uint64_t expected = sizeof(head) + std::uint64_t{head.packs} * sizeof(Pack) +
-                                 std::uint64_t{head.tiles} * sizeof(TileRow);
+  const std::uint64_t expected = size_of(head);
   if (bytes.size() != expected)
     throw InputError(
         name, fmt::format("{} bytes", bytes.size()),
@@ -82,7 +85,7 @@ RegionNode decode_region(std::span<const std::byte> bytes, const std::string& na
   if (head.packs > 0) std::memcpy(region.packs.data(), packs, head.packs * sizeof(Pack));
   if (head.tiles > 0)
     std::memcpy(region.tiles.data(), packs + head.packs * sizeof(Pack),
-                head.tiles * sizeof(TileRow));
+                head.tiles * sizeof(RegionTile));
   if (const auto fault = fault_of(region))
     throw InputError(name, fault->first, fault->second + remedy);
   return region;

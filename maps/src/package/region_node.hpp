@@ -21,7 +21,7 @@ struct Pack {
 };
 
 /// Where a tile lies, and what is known of it without reading it.
-struct TileRow {
+struct RegionTile {
   /// In the region, below 32.
   std::uint8_t x = 0, y = 0;
   /// Which of the region's packs.
@@ -38,13 +38,13 @@ struct TileRow {
   /// Of its bytes: what the tile is.
   Sha256Bytes sha256{};
 };
-static_assert(sizeof(TileRow) == 72);
+static_assert(sizeof(RegionTile) == 72);
 
 /// What a region of 32 x 32 tiles holds.
 struct RegionNode {
   std::vector<Pack> packs;
   /// By x, then y.
-  std::vector<TileRow> tiles;
+  std::vector<RegionTile> tiles;
 };
 
 /// Bytes of a region as maps/tile_bytes.md has them; equal for equal content.

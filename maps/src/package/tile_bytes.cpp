@@ -299,6 +299,14 @@ float in_tile_steps(double value_m) { return middle_of(tile_step_of(value_m)); }
 
 float in_height_steps(double value_m) { return height_of(height_step_of(value_m)); }
 
+Eigen::Vector3f in_steps(TileId tile, const Eigen::Vector3d& p) {
+  const auto along = [](double value, std::int32_t number) {
+    const double corner = kTileSizeM * number;
+    return static_cast<float>(corner + static_cast<double>(in_tile_steps(value - corner)));
+  };
+  return {along(p.x(), tile.x), along(p.y(), tile.y), in_height_steps(p.z())};
+}
+
 std::vector<std::byte> encode_tile(const TileContent& tile) {
   require_encodable(tile);
   const std::vector<SourceScan> scans = scans_of(tile.history);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/tile_steps.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -31,26 +32,14 @@ struct TilePointHistory {
 struct TileContent {
   /// Added to the points' z gives the map frame [m].
   std::int32_t z_base_m = 0;
-  /// x, y relative to the tile's corner, z to the base [m].
+  /// x, y relative to the tile's corner, z to the base [m]; `encode_tile` puts them in steps
+  /// (`tile_steps.hpp`).
   std::vector<MapPoint> points;
   /// One a point, or empty.
   std::vector<TilePointHistory> history;
 };
 
-/// Steps of coordinates in a tile: 20 m / 2^16 in x and y, 2^-11 m in z. A coordinate is the middle
-/// of its step, so it is off by at most half of one: 0.15 mm in x and y, 0.25 mm in z. All are
-/// exact in floats, relative to the tile.
-inline constexpr double kTileStepM = kTileSizeM / 65536.0;
-inline constexpr double kTileStepZM = 1.0 / 2048.0;
-
-/// A coordinate in a tile [m] -> the middle of its step. What lies outside of [0, 20 m) by a
-/// rounding is taken for the first or last step.
-[[nodiscard]] float in_tile_steps(double value_m);
-/// A height above the tile's base [m] -> the middle of its step.
-/// @throws std::invalid_argument beyond 2^31 steps.
-[[nodiscard]] float in_height_steps(double value_m);
-
-/// Bytes of a tile as maps/package.md has them. What is not in steps is put there.
+/// Bytes of a tile as maps/tile_bytes.md has them.
 /// @throws std::invalid_argument for a tile without points, more than 2^32 - 1, a number that is
 /// not finite, or a history of another size.
 [[nodiscard]] std::vector<std::byte> encode_tile(const TileContent& tile);

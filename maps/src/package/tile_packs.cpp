@@ -37,7 +37,7 @@ std::int32_t region_along(std::int32_t tile) {
 std::string tile_name(TileId id) { return fmt::format("tile {}, {}", id.x, id.y); }
 
 /// Bounds in steps, from what the bytes hold.
-void set_bounds(const TileContent& tile, TileRow& row) {
+void set_bounds(const TileContent& tile, RegionTile& row) {
   const auto along = [](float value) {
     return static_cast<std::uint16_t>(static_cast<double>(value) / kTileStepM);
   };
@@ -76,7 +76,7 @@ struct PackWriter::Region {
   std::filesystem::path file;
   std::ofstream out;
   std::uint64_t bytes = 0;
-  std::vector<TileRow> tiles;
+  std::vector<RegionTile> tiles;
 };
 
 PackWriter::PackWriter(std::filesystem::path folder) : folder_(std::move(folder)) {
@@ -94,11 +94,11 @@ void PackWriter::add(TileId id, const TileContent& tile) {
     region = std::make_unique<Region>();
     region->file = folder_ / kPacksFolder / fmt::format("{}_{}.part", number.x, number.y);
   }
-  TileRow row;
+  RegionTile row;
   row.x = static_cast<std::uint8_t>(id.x - kRegionTiles * number.x);
   row.y = static_cast<std::uint8_t>(id.y - kRegionTiles * number.y);
   if (std::any_of(region->tiles.begin(), region->tiles.end(),
-                  [&](const TileRow& each) { return each.x == row.x && each.y == row.y; }))
+                  [&](const RegionTile& each) { return each.x == row.x && each.y == row.y; }))
     throw std::invalid_argument(tile_name(id) + ": added twice");
   const std::vector<std::byte> bytes = encode_tile(tile);
   row.points = static_cast<std::uint32_t>(tile.points.size());
@@ -121,7 +121,7 @@ void PackWriter::add(TileId id, const TileContent& tile) {
 void PackWriter::finish() {
   for (auto& [number, region] : regions_) {
     const std::filesystem::path sorted = region->file.string() + ".sorted";
-    std::sort(region->tiles.begin(), region->tiles.end(), [](const TileRow& a, const TileRow& b) {
+    std::sort(region->tiles.begin(), region->tiles.end(), [](const RegionTile& a, const RegionTile& b) {
       return std::pair(a.x, a.y) < std::pair(b.x, b.y);
     });
     Pack pack{.bytes = region->bytes};
@@ -130,7 +130,7 @@ void PackWriter::finish() {
       std::ofstream out(sorted, std::ios::binary);
       Sha256 hash;
       std::uint64_t offset = 0;
-      for (TileRow& row : region->tiles) {
+      for (RegionTile& row : region->tiles) {
         const auto bytes = came.bytes().subspan(row.offset, row.bytes);
         out.write(reinterpret_cast<const char*>(bytes.data()),
                   static_cast<std::streamsize>(bytes.size()));
@@ -164,7 +164,7 @@ PackReader::PackReader(std::filesystem::path folder, const std::vector<RegionId>
         throw InputError(path.string(), error ? "no file" : fmt::format("{} bytes", found),
                          fmt::format("{}: copy or build the map again", pack.bytes));
     }
-    for (const TileRow& row : node.tiles)
+    for (const RegionTile& row : node.tiles)
       tiles_.push_back(
           {{.level = 0, .x = kRegionTiles * number.x + row.x, .y = kRegionTiles * number.y + row.y},
            row});
@@ -176,7 +176,7 @@ PackReader::PackReader(std::filesystem::path folder, const std::vector<RegionId>
 
 PackReader::~PackReader() = default;
 
-const TileRow* PackReader::find(TileId id) const {
+const RegionTile* PackReader::find(TileId id) const {
   const auto at =
       std::lower_bound(tiles_.begin(), tiles_.end(), id,
                        [](const auto& tile, TileId wanted) { return tile.first < wanted; });
@@ -191,7 +191,7 @@ const MappedFile& PackReader::mapped(const std::string& pack) const {
 }
 
 std::span<const std::byte> PackReader::bytes(TileId id) const {
-  const TileRow* const row = find(id);
+  const RegionTile* const row = find(id);
   if (row == nullptr) return {};
   const Pack& pack = packs_.at(region_of(id)).at(row->pack);
   const std::span<const std::byte> all = mapped(pack_path(pack)).bytes();
@@ -202,7 +202,7 @@ std::span<const std::byte> PackReader::bytes(TileId id) const {
 }
 
 void PackReader::require_whole(TileId id) const {
-  const TileRow* const row = find(id);
+  const RegionTile* const row = find(id);
   if (row == nullptr) throw std::invalid_argument(tile_name(id) + ": no tile of the package");
   const Sha256Bytes found = sha256_bytes(bytes(id));
   if (found == row->sha256) return;

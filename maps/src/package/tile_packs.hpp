@@ -64,9 +64,9 @@ class PackReader {
   ~PackReader();
 
   /// Tiles by x, then y, with what is known of them without reading them.
-  [[nodiscard]] const std::vector<std::pair<TileId, TileRow>>& tiles() const { return tiles_; }
+  [[nodiscard]] const std::vector<std::pair<TileId, RegionTile>>& tiles() const { return tiles_; }
   /// Null when there is no such tile.
-  [[nodiscard]] const TileRow* find(TileId id) const;
+  [[nodiscard]] const RegionTile* find(TileId id) const;
   /// As they lie in the pack; empty when there is no such tile. Valid as long as this.
   [[nodiscard]] std::span<const std::byte> bytes(TileId id) const;
   /// @throws InputError naming the pack, what was found and what to do, when the bytes are not
@@ -77,7 +77,7 @@ class PackReader {
   const MappedFile& mapped(const std::string& pack) const;
 
   std::filesystem::path folder_;
-  std::vector<std::pair<TileId, TileRow>> tiles_;
+  std::vector<std::pair<TileId, RegionTile>> tiles_;
   std::map<RegionId, std::vector<Pack>> packs_;
   mutable std::mutex mutex_;
   mutable std::map<std::string, std::unique_ptr<MappedFile>> mapped_;

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/tile_steps.hpp>
 
 #include <cmath>
 #include <cstring>
@@ -57,20 +58,22 @@ TEST(TileStack, TakesTheMeanOfAVoxelRelativeToTheOrigin) {
       points_of(stacked(grid, {{at(100.25, 200.5, 10.125, PointKind::kMeasured, 10.0F)},
                                {at(100.75, 200.75, 10.375, PointKind::kMeasured, 20.0F)}}));
   ASSERT_EQ(points.size(), 1U);
-  EXPECT_FLOAT_EQ(points[0].x, 0.5F);
-  EXPECT_FLOAT_EQ(points[0].y, 0.625F);
-  EXPECT_FLOAT_EQ(points[0].z, 0.25F);
+  EXPECT_EQ(points[0].x, maps::in_tile_steps(0.5));
+  EXPECT_EQ(points[0].y, maps::in_tile_steps(0.625));
+  EXPECT_EQ(points[0].z, maps::in_height_steps(0.25));
   EXPECT_FLOAT_EQ(points[0].intensity, 15.0F);
   EXPECT_EQ(points[0].observations, 2U);
   EXPECT_EQ(points[0].kind, PointKind::kMeasured);
   EXPECT_EQ(points[0].object, 0U);
 }
 
-TEST(TileStack, KeepsCentimetresFarFromTheZeroOfTheMap) {
+TEST(TileStack, KeepsStepsFarFromTheZeroOfTheMap) {
   const VoxelGrid grid({4.0e6, 5.0e5, 0.0}, 0.1);
   const MapPoint point = points_of(stacked(grid, {{at(4.0e6 + 3.137, 5.0e5 - 7.219, 1.5)}})).at(0);
-  EXPECT_NEAR(static_cast<double>(point.x), 3.137, 1e-6);
-  EXPECT_NEAR(static_cast<double>(point.y), -7.219, 1e-6);
+  EXPECT_NEAR(static_cast<double>(point.x), 3.137, maps::kTileStepM / 2 + 1e-6);
+  EXPECT_NEAR(static_cast<double>(point.y), -7.219, maps::kTileStepM / 2 + 1e-6);
+  EXPECT_EQ(maps::in_steps({0, 0, -1}, Eigen::Vector3d(point.x, point.y, point.z)),
+            Eigen::Vector3f(point.x, point.y, point.z));
 }
 
 TEST(TileStack, PartsVoxelsAtTheirSidesAlsoBelowZero) {
@@ -86,7 +89,7 @@ TEST(TileStack, KeepsMeasuredAndMovedPointsOfAVoxelApart) {
   const auto points = points_of(tiles);
   ASSERT_EQ(points.size(), 2U);
   EXPECT_EQ(points[0].kind, PointKind::kMeasured);
-  EXPECT_FLOAT_EQ(points[0].x, 0.2F);
+  EXPECT_EQ(points[0].x, maps::in_tile_steps(0.2));
   EXPECT_EQ(points[1].kind, PointKind::kProjected);
   EXPECT_EQ(points[1].object, 1 + 299 % 255);
   EXPECT_EQ(tiles[0].history[1].object, 300U);
@@ -136,6 +139,41 @@ TEST(TileStack, PutsEveryPointIntoItsTileWhateverTheVoxel) {
         ASSERT_EQ(std::floor(static_cast<double>(p.x) / maps::kTileSizeM), tile.id.x);
         ASSERT_EQ(std::floor(static_cast<double>(p.y) / maps::kTileSizeM), tile.id.y);
       }
+    }
+  }
+}
+
+TEST(MapOrigin, IsTheNearestCornerOfTheTilesOfTheFrame) {
+  EXPECT_EQ(map_origin_near({9.0, -11.0, 1.6}), Eigen::Vector3d(0.0, -20.0, 2.0));
+  EXPECT_EQ(map_origin_near({500'011.0, 4'000'009.9, -0.4}),
+            Eigen::Vector3d(500'020.0, 4'000'000.0, 0.0));
+  EXPECT_FALSE(std::signbit(map_origin_near({-0.3, 0.0, -0.3}).x()));
+}
+
+TEST(TilePoints, AreInStepsWithinTheirTile) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
+  for (const double x : {19.9999999, -0.0000001, 163.2, -411.7}) {
+    const auto tiles = stacked(grid, {{at(x, 0.5 * x, 0.01 * x)}});
+    ASSERT_EQ(tiles.size(), 1U);
+    const MapPoint& p = tiles[0].points.at(0);
+    const Eigen::Vector3d found(p.x, p.y, p.z);
+    EXPECT_LT((found - Eigen::Vector3d(x, 0.5 * x, 0.01 * x)).norm(), 0.00034);
+    EXPECT_EQ(std::floor(found.x() / maps::kTileSizeM), tiles[0].id.x);
+    EXPECT_EQ(maps::in_steps(tiles[0].id, found), found.cast<float>());
+  }
+}
+
+TEST(TilePoints, StayInTheirVoxel) {
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.2);
+  for (int i = -500; i < 500; ++i) {
+    for (const double beside : {-2e-4, -1e-5, 1e-5, 2e-4}) {
+      const double x = 0.2 * i + beside;
+      const auto place = grid.find({x, 0.5 * x, x});
+      const MapPoint p = points_of(stacked(grid, {{at(x, 0.5 * x, x)}})).at(0);
+      const auto found = grid.find(Eigen::Vector3d(p.x, p.y, p.z));
+      ASSERT_TRUE(place && found);
+      EXPECT_EQ(found->tile, place->tile) << x;
+      EXPECT_EQ(found->voxel, place->voxel) << x;
     }
   }
 }

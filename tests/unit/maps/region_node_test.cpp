@@ -23,7 +23,7 @@ RegionNode some_region() {
     region.packs.push_back(pack);
   }
   for (std::uint8_t i = 0; i < 5; ++i) {
-    TileRow tile{.x = i, .y = static_cast<std::uint8_t>(31 - i), .pack = 1};
+    RegionTile tile{.x = i, .y = static_cast<std::uint8_t>(31 - i), .pack = 1};
     tile.points = 10U + i;
     tile.offset = 100U * i;
     tile.bytes = 96;
@@ -77,7 +77,7 @@ TEST(RegionNode, TrustsNothing) {
     for (int k = 0; k < 3; ++k) bytes[random() % bytes.size()] = static_cast<std::byte>(random());
     try {
       const RegionNode read = decode_region(bytes, "region");
-      for (const TileRow& tile : read.tiles)
+      for (const RegionTile& tile : read.tiles)
         EXPECT_LE(tile.offset + tile.bytes, read.packs.at(tile.pack).bytes);
     } catch (const InputError&) {
     }

@@ -75,7 +75,7 @@ TEST(TilePacks, GiveTilesBack) {
     const TileContent tile = decode_tile(reader.bytes(id), "tile");
     EXPECT_EQ(encode_tile(tile), encode_tile(tile_of(id)));
     EXPECT_EQ(tile.z_base_m, id.y);
-    const TileRow* const row = reader.find(id);
+    const RegionTile* const row = reader.find(id);
     ASSERT_NE(row, nullptr);
     EXPECT_EQ(row->points, tile.points.size());
     for (const MapPoint& p : tile.points) {

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <stillmap/maps/map_package.hpp>
+
+#include <Eigen/Core>
+
+namespace stillmap::maps {
+
+/// Steps of the coordinates of map points: 20 m / 2^16 in x and y, counted from the tile's corner,
+/// and 2^-11 m in z, counted from whole metres. A coordinate is the middle of its step, so it is
+/// off by at most half of one: 0.15 mm in x and y, 0.25 mm in z, 0.33 mm in all. (A build takes the
+/// next step where the middle lies in another voxel than the point, less than twice as far off.)
+/// Relative to the tile each is exact in a float.
+inline constexpr double kTileStepM = kTileSizeM / 65536.0;
+inline constexpr double kTileStepZM = 1.0 / 2048.0;
+
+/// A coordinate in a tile [m] -> the middle of its step. What lies outside of [0, 20 m) by a
+/// rounding is taken for the first or last step.
+[[nodiscard]] float in_tile_steps(double value_m);
+/// A height above a whole metre [m] -> the middle of its step.
+/// @throws std::invalid_argument beyond 2^31 steps.
+[[nodiscard]] float in_height_steps(double value_m);
+
+/// A point of a tile -> the middle of its steps, both from the map's origin [m]. As a float it is
+/// exact within 500 m of the origin.
+[[nodiscard]] Eigen::Vector3f in_steps(TileId tile, const Eigen::Vector3d& p);
+
+}  // namespace stillmap::maps
