@@ -35,8 +35,8 @@ struct Region {
     return (p.array() >= least.array()).all() && (p.array() < most.array()).all();
   }
   /// Whether a box with both its corners meets it.
-  [[nodiscard]] bool meets(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
-    return (to.array() >= least.array()).all() && (from.array() < most.array()).all();
+  [[nodiscard]] bool meets(const Eigen::AlignedBox3d& box) const {
+    return (box.max().array() >= least.array()).all() && (box.min().array() < most.array()).all();
   }
 };
 
@@ -69,11 +69,12 @@ struct Columns {
 };
 
 void add_tile(const MapPackage& map, maps::TileId id, const Region& region, Columns& columns) {
-  const auto history = map.history(id);
+  const std::vector<maps::PointHistory> history = map.history(id);
+  const maps::MapTile tile = map.tile(id);
   std::size_t at = 0;
-  for (const maps::MapPoint& point : map.tile(id)) {
+  for (const maps::MapPoint& point : tile) {
     const std::size_t index = at++;
-    const Eigen::Vector3d p = map.manifest().origin + Eigen::Vector3d(point.x, point.y, point.z);
+    const Eigen::Vector3d p = tile.position(point);
     if (!region.contains(p)) continue;
     columns.xyz.insert(columns.xyz.end(), p.data(), p.data() + 3);
     columns.intensity.push_back(point.intensity);
@@ -86,16 +87,10 @@ void add_tile(const MapPackage& map, maps::TileId id, const Region& region, Colu
   }
 }
 
-Eigen::Vector3d corner_of(const std::array<float, 3>& corner, const Eigen::Vector3d& origin) {
-  return origin + Eigen::Vector3d(corner[0], corner[1], corner[2]);
-}
-
 Columns columns_in(const MapPackage& map, const Region& region) {
   Columns columns;
-  const Eigen::Vector3d& origin = map.manifest().origin;
   for (const maps::TileEntry& tile : map.manifest().tiles)
-    if (tile.id.level == 0 &&
-        region.meets(corner_of(tile.min, origin), corner_of(tile.max, origin)))
+    if (tile.id.level == 0 && region.meets(map.manifest().bounds_of(tile)))
       add_tile(map, tile.id, region, columns);
   return columns;
 }
@@ -146,12 +141,12 @@ maps::TileId tile_id(std::int32_t x, std::int32_t y, std::uint32_t level) {
 }
 
 py::tuple bounds_of(const MapPackage& map) {
-  const Eigen::Vector3d& origin = map.manifest().origin;
   Eigen::Vector3d least = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
   Eigen::Vector3d most = -least;
   for (const maps::TileEntry& tile : map.manifest().tiles) {
-    least = least.cwiseMin(corner_of(tile.min, origin));
-    most = most.cwiseMax(corner_of(tile.max, origin));
+    const Eigen::AlignedBox3d bounds = map.manifest().bounds_of(tile);
+    least = least.cwiseMin(bounds.min());
+    most = most.cwiseMax(bounds.max());
   }
   return py::make_tuple(least, most);
 }
@@ -197,9 +192,15 @@ void bind_map_facts(py::class_<MapHandle>& map) {
       });
 }
 
-template <typename Record>
-py::array tile_view(const py::object& self, std::span<const Record> records) {
-  return view_of(records.data(), {signed_size(records.size())}, self);
+/// What `read` gives of a package, read while others may use Python.
+template <typename Read>
+py::array records_of(const MapHandle& map, const Read& read) {
+  auto records = [&] {
+    const py::gil_scoped_release release;
+    return read(*map.package);
+  }();
+  const py::ssize_t size = signed_size(records.size());
+  return array_of(std::move(records), {size});
 }
 
 }  // namespace
@@ -212,14 +213,18 @@ void bind_maps(py::module_& module) {
   map.def_property_readonly("tiles", &tiles_of)
       .def(
           "tile",
-          [](const py::object& self, std::int32_t x, std::int32_t y, std::uint32_t level) {
-            return tile_view(self, self.cast<MapHandle&>().package->tile(tile_id(x, y, level)));
+          [](const MapHandle& self, std::int32_t x, std::int32_t y, std::uint32_t level) {
+            return records_of(self, [&](const MapPackage& package) {
+              return package.tile(tile_id(x, y, level)).points_from_origin();
+            });
           },
           py::arg("x"), py::arg("y"), py::kw_only(), py::arg("level") = 0)
       .def(
           "tile_history",
-          [](const py::object& self, std::int32_t x, std::int32_t y, std::uint32_t level) {
-            return tile_view(self, self.cast<MapHandle&>().package->history(tile_id(x, y, level)));
+          [](const MapHandle& self, std::int32_t x, std::int32_t y, std::uint32_t level) {
+            return records_of(self, [&](const MapPackage& package) {
+              return package.history(tile_id(x, y, level));
+            });
           },
           py::arg("x"), py::arg("y"), py::kw_only(), py::arg("level") = 0)
       .def("_points", &points_in, py::arg("box"))

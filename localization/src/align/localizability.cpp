@@ -55,12 +55,15 @@ class GroundHeights {
     bool knows_ground = false;
     for (std::size_t i = 0; i < tiles_.size(); ++i) {
       if (go_on && !go_on()) return false;
-      for (const maps::MapPoint& point : map_.tile(tiles_[i])) {
-        const std::size_t at = i * cells + maps::cell_of(tiles_[i], side_, point.x, point.y);
-        if (!(lowest[at] <= point.z)) lowest[at] = point.z;
+      const maps::MapTile tile = map_.tile(tiles_[i]);
+      for (const maps::MapPoint& point : tile) {
+        const Eigen::Vector3d p = tile.from_origin(point);
+        const std::size_t at = i * cells + maps::cell_of(tiles_[i], side_, p.x(), p.y());
+        const auto height = static_cast<float>(p.z());
+        if (!(lowest[at] <= height)) lowest[at] = height;
         if (!is_of_the_ground(point.kind)) continue;
         knows_ground = true;
-        if (!(values_[at] <= point.z)) values_[at] = point.z;
+        if (!(values_[at] <= height)) values_[at] = height;
       }
     }
     if (!knows_ground) values_ = std::move(lowest);
@@ -79,8 +82,7 @@ class GroundHeights {
     const auto found = std::lower_bound(tiles_.begin(), tiles_.end(), tile);
     if (found == tiles_.end() || *found != tile) return kNone;
     return values_[static_cast<std::size_t>(found - tiles_.begin()) * side_ * side_ +
-                   maps::cell_of(tile, side_, static_cast<float>(p.x()),
-                                 static_cast<float>(p.y()))];
+                   maps::cell_of(tile, side_, p.x(), p.y())];
   }
 
  private:

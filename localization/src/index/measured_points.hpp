@@ -13,19 +13,19 @@ namespace stillmap::localization {
 /// not checked when it is opened.
 template <typename Visit>
 void for_each_measured_point(const maps::MapPackage& map, const Visit& visit) {
-  const maps::MapManifest& manifest = map.manifest();
-  for (const maps::TileEntry& entry : manifest.tiles) {
+  for (const maps::TileEntry& entry : map.manifest().tiles) {
     if (entry.id.level != 0) continue;
-    for (const maps::MapPoint& point : map.tile(entry.id)) {
+    const maps::MapTile tile = map.tile(entry.id);
+    for (const maps::MapPoint& point : tile) {
       if (!maps::is_measured(point.kind)) continue;
-      const Eigen::Vector3f p(point.x, point.y, point.z);
-      if (!p.allFinite()) {
+      const Eigen::Vector3d p_map = tile.position(point);
+      if (!p_map.allFinite()) {
         throw maps::InputError(
             map.folder().string(),
             fmt::format("a point of tile {}, {} that is not finite", entry.id.x, entry.id.y),
             "finite coordinates");
       }
-      visit(Eigen::Vector3d(manifest.origin + p.cast<double>()), point);
+      visit(p_map, point);
     }
   }
 }

@@ -40,9 +40,11 @@ struct SurfaceCell {
 };
 
 /// The measured points of a tile.
-/// @param tile  whose corner the positions are counted from.
-[[nodiscard]] std::vector<SurfacePoint> surface_points(maps::TileId tile,
+/// @param id      whose corner the positions are counted from.
+/// @param points  relative to the map's origin.
+[[nodiscard]] std::vector<SurfacePoint> surface_points(maps::TileId id,
                                                        std::span<const maps::MapPoint> points);
+[[nodiscard]] std::vector<SurfacePoint> surface_points(maps::TileId id, const maps::MapTile& tile);
 
 /// The cells of a tile that hold a point, by key. Of voxels finer than 0.2 m one point in
 /// (0.2 m / voxel)^2 has an entropy, so that the time does not grow with the square of their

@@ -67,11 +67,11 @@ bool is_ground(maps::PointKind kind) { return kind != maps::PointKind::kMeasured
 
 template <typename Visit>
 void for_each_point(const maps::MapPackage& map, const CancelFlag& cancel, const Visit& visit) {
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
-    if (tile.id.level != 0) continue;
+  for (const maps::TileEntry& entry : map.manifest().tiles) {
+    if (entry.id.level != 0) continue;
     if (cancel) throw Cancelled();
-    for (const maps::MapPoint& p : map.tile(tile.id))
-      visit(Eigen::Vector3d(p.x, p.y, p.z) + map.manifest().origin, p.kind);
+    const maps::MapTile tile = map.tile(entry.id);
+    for (const maps::MapPoint& point : tile) visit(tile.position(point), point.kind);
   }
 }
 
@@ -186,12 +186,11 @@ std::map<maps::TileId, std::vector<maps::TileId>> tiles_under(
   };
   for (const maps::TileEntry& tile : previous.manifest().tiles) {
     if (tile.id.level != 0) continue;
+    const Eigen::AlignedBox3d bounds = previous.manifest().bounds_of(tile);
     Eigen::AlignedBox3d box;
-    for (unsigned corner = 0; corner < 8; ++corner) {
-      Eigen::Vector3d p;
-      for (unsigned axis = 0; axis < 3; ++axis)
-        p[axis] = static_cast<double>((corner >> axis & 1U) == 0 ? tile.min[axis] : tile.max[axis]);
-      box.extend(T_map_previous * (p + previous.manifest().origin) - map.manifest().origin);
+    for (int corner = 0; corner < 8; ++corner) {
+      const auto which = static_cast<Eigen::AlignedBox3d::CornerType>(corner);
+      box.extend(T_map_previous * bounds.corner(which) - map.manifest().origin);
     }
     for (std::int32_t x = number(box.min().x()); x <= number(box.max().x()); ++x) {
       for (std::int32_t y = number(box.min().y()); y <= number(box.max().y()); ++y)
@@ -207,19 +206,13 @@ std::vector<SurfacePoint> previous_points(const maps::MapPackage& previous,
                                           const Eigen::Isometry3d& T_map_previous,
                                           const Eigen::Vector3d& map_origin, maps::TileId into) {
   std::vector<maps::MapPoint> moved;
-  for (const maps::TileId tile : tiles) {
-    for (maps::MapPoint point : previous.tile(tile)) {
-      const Eigen::Vector3d p = T_map_previous * (Eigen::Vector3d(point.x, point.y, point.z) +
-                                                  previous.manifest().origin) -
-                                map_origin;
-      if (std::floor(p.x() / maps::kTileSizeM) != into.x ||
-          std::floor(p.y() / maps::kTileSizeM) != into.y)
-        continue;
-      const Eigen::Vector3f p_local = p.cast<float>();
-      point.x = p_local.x();
-      point.y = p_local.y();
-      point.z = p_local.z();
-      moved.push_back(point);
+  for (const maps::TileId id : tiles) {
+    const maps::MapTile tile = previous.tile(id);
+    for (const maps::MapPoint& point : tile) {
+      const Eigen::Vector3d p = T_map_previous * tile.position(point) - map_origin;
+      if (std::floor(p.x() / maps::kTileSizeM) == into.x &&
+          std::floor(p.y() / maps::kTileSizeM) == into.y)
+        moved.push_back(maps::moved_to(point, p));
     }
   }
   return surface_points(into, moved);
@@ -294,19 +287,17 @@ StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map
   const std::vector<ScanTime> times = scan_times(keep);
   StaticLoss loss;
   std::size_t done = 0;
-  for (const maps::TileEntry& tile : keep.manifest().tiles) {
-    if (tile.id.level != 0) continue;
+  for (const maps::TileEntry& entry : keep.manifest().tiles) {
+    if (entry.id.level != 0) continue;
     if (cancel) throw Cancelled();
-    const auto points = keep.tile(tile.id);
-    const auto history = keep.history(tile.id);
-    if (history.size() != points.size())
+    const maps::MapTile tile = keep.tile(entry.id);
+    const std::vector<maps::PointHistory> history = keep.history(entry.id);
+    if (history.size() != tile.size())
       throw maps::InputError(keep.folder().string(), "a tile without histories",
                              "a map that says when its points were seen");
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const maps::MapPoint& point = points[i];
-      if (!maps::is_measured(point.kind) || !stood(history[i], times)) continue;
-      const Eigen::Vector3d p_map =
-          T_map_keep * (Eigen::Vector3d(point.x, point.y, point.z) + keep.manifest().origin);
+    for (std::size_t i = 0; i < tile.size(); ++i) {
+      if (!maps::is_measured(tile[i].kind) || !stood(history[i], times)) continue;
+      const Eigen::Vector3d p_map = T_map_keep * tile.position(tile[i]);
       if (removed.hold(p_map)) continue;
       ++loss.points;
       const Eigen::Vector3f p_local = (p_map - map.manifest().origin).cast<float>();

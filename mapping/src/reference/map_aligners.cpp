@@ -33,11 +33,9 @@ std::vector<Eigen::Vector3d> measured_points(const maps::MapPackage& map) {
   std::vector<Eigen::Vector3d> points_map;
   for (const maps::TileEntry& entry : map.manifest().tiles) {
     if (entry.id.level != 0) continue;
-    for (const maps::MapPoint& point : map.tile(entry.id)) {
-      if (!maps::is_measured(point.kind)) continue;
-      points_map.push_back(map.manifest().origin +
-                           Eigen::Vector3f(point.x, point.y, point.z).cast<double>());
-    }
+    const maps::MapTile tile = map.tile(entry.id);
+    for (const maps::MapPoint& point : tile)
+      if (maps::is_measured(point.kind)) points_map.push_back(tile.position(point));
   }
   return points_map;
 }

@@ -5,6 +5,7 @@
 #include <limits>
 #include <span>
 #include <utility>
+#include <vector>
 
 namespace stillmap::maps {
 namespace {
@@ -32,15 +33,17 @@ struct TileBands {
   std::span<float> height, observations, scans;
 };
 
-void fill(const MapPackage& map, const TileId& tile, std::size_t side, const TileBands& bands) {
-  const std::span<const MapPoint> points = map.tile(tile);
-  const std::span<const PointHistory> history = map.history(tile);
+void fill(const MapPackage& map, const TileId& id, std::size_t side, const TileBands& bands) {
+  const MapTile tile = map.tile(id);
+  const std::vector<PointHistory> history = map.history(id);
   std::vector<Seen> seen;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const MapPoint& point = points[i];
-    const std::size_t cell = cell_of(tile, side, point.x, point.y);
+  for (std::size_t i = 0; i < tile.size(); ++i) {
+    const MapPoint& point = tile[i];
+    const Eigen::Vector3d p = tile.from_origin(point);
+    const std::size_t cell = cell_of(id, side, p.x(), p.y());
+    const auto height = static_cast<float>(p.z());
     // NaN is no number that a height could be below.
-    if (!(bands.height[cell] <= point.z)) bands.height[cell] = point.z;
+    if (!(bands.height[cell] <= height)) bands.height[cell] = height;
     if (std::isnan(bands.observations[cell])) bands.observations[cell] = 0.0F;
     if (!is_measured(point.kind)) continue;
     bands.observations[cell] += static_cast<float>(point.observations);
@@ -57,7 +60,7 @@ void fill(const MapPackage& map, const TileId& tile, std::size_t side, const Til
 
 bool has_histories(const MapPackage& map, const std::vector<TileId>& tiles) {
   return std::any_of(tiles.begin(), tiles.end(),
-                     [&](const TileId& tile) { return !map.history(tile).empty(); });
+                     [&](const TileId& tile) { return map.has_history(tile); });
 }
 
 }  // namespace
@@ -68,9 +71,9 @@ std::size_t cells_per_side(std::size_t tiles, std::size_t most) {
   return side;
 }
 
-std::size_t cell_of(const TileId& tile, std::size_t cells_per_side, float x, float y) {
-  const auto along = [&](float value, std::int32_t number) {
-    const double in_tile = static_cast<double>(value) - kTileSizeM * number;
+std::size_t cell_of(const TileId& tile, std::size_t cells_per_side, double x, double y) {
+  const auto along = [&](double value, std::int32_t number) {
+    const double in_tile = value - kTileSizeM * number;
     const double cell = std::floor(in_tile * static_cast<double>(cells_per_side) / kTileSizeM);
     // What was rounded to a float may lie a step outside of its tile.
     return static_cast<std::size_t>(std::clamp(cell, 0.0, static_cast<double>(cells_per_side - 1)));

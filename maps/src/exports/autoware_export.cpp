@@ -50,8 +50,8 @@ class AutowareCoordinates {
       origin_.z() = 0.0;
     }
   }
-  [[nodiscard]] Eigen::Vector3f operator()(const MapPoint& point) const {
-    const Eigen::Vector3d p = coordinates_(point);
+  [[nodiscard]] Eigen::Vector3f operator()(const MapTile& tile, const MapPoint& point) const {
+    const Eigen::Vector3d p = coordinates_(tile, point);
     return (grid_ ? grid_->to_grid(p) : Eigen::Vector3d(p - origin_)).cast<float>();
   }
   /// Of kMgrs.
@@ -63,10 +63,11 @@ class AutowareCoordinates {
     // By their corners: one square has two names where a band of latitude ends in it.
     std::map<std::pair<double, double>, std::string> squares;
     for (const TileEntry& tile : point_tiles(map)) {
-      for (const unsigned number : {0U, 1U, 2U, 3U}) {
-        const Eigen::Vector3f corner((number & 1U) == 0 ? tile.min[0] : tile.max[0],
-                                     (number & 2U) == 0 ? tile.min[1] : tile.max[1], tile.min[2]);
-        const Eigen::Vector3d p_map = corner.cast<double>() + map.manifest().origin;
+      const Eigen::AlignedBox3d bounds = map.manifest().bounds_of(tile);
+      using Box = Eigen::AlignedBox3d;
+      for (const auto which :
+           {Box::BottomLeftFloor, Box::BottomRightFloor, Box::TopLeftFloor, Box::TopRightFloor}) {
+        const Eigen::Vector3d p_map = bounds.corner(which);
         const std::string name = mgrs_name(utm.to_utm(p_map), utm.zone());
         const Eigen::Vector2d of_square = mgrs_square(name).corner;
         squares.try_emplace({of_square.x(), of_square.y()}, name);
@@ -102,8 +103,9 @@ std::map<Square, std::vector<TileId>> tiles_of_squares(const ExportJob& job,
   const std::vector<TileEntry> tiles = point_tiles(job.map);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     std::set<Square> touched;
-    for (const MapPoint& point : job.map.tile(tiles[i].id))
-      if (job.takes(point.kind)) touched.insert(square_of(coordinates(point)));
+    const MapTile tile = job.map.tile(tiles[i].id);
+    for (const MapPoint& point : tile)
+      if (job.takes(point.kind)) touched.insert(square_of(coordinates(tile, point)));
     for (const Square& square : touched) squares[square].push_back(tiles[i].id);
     job.tell({0.2, 0.4}, i + 1, tiles.size());
   }
@@ -114,9 +116,10 @@ void write_square(const ExportJob& job, const AutowareCoordinates& coordinates,
                   const Square& square, const std::vector<TileId>& tiles, const fs::path& path) {
   std::vector<Written> points;
   for (const TileId& id : tiles) {
-    for (const MapPoint& point : job.map.tile(id)) {
+    const MapTile tile = job.map.tile(id);
+    for (const MapPoint& point : tile) {
       if (!job.takes(point.kind)) continue;
-      const Eigen::Vector3f p = coordinates(point);
+      const Eigen::Vector3f p = coordinates(tile, point);
       if (square_of(p) == square) points.push_back({p, point.intensity});
     }
   }

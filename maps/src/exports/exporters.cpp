@@ -11,11 +11,8 @@ namespace stillmap::maps {
 namespace {
 
 /// Formats size their grids and headers by what the manifest says.
-bool is_within(const MapPoint& point, const TileEntry& tile) {
-  const std::array<float, 3> p{point.x, point.y, point.z};
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    if (!(p[axis] >= tile.min[axis] && p[axis] <= tile.max[axis])) return false;
-  return point.kind <= PointKind::kFilled;
+bool is_usable(const MapTile& tile, const MapPoint& point, const Eigen::AlignedBox3d& bounds) {
+  return bounds.contains(tile.from_origin(point)) && point.kind <= PointKind::kFilled;
 }
 
 }  // namespace
@@ -31,8 +28,9 @@ std::uint64_t count_chosen(ExportJob& job) {
   std::array<std::uint64_t, 4> kinds{};
   const std::vector<TileEntry> tiles = point_tiles(job.map);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
-    for (const MapPoint& point : job.map.tile(tiles[i].id)) {
-      if (!is_within(point, tiles[i]))
+    const MapTile tile = job.map.tile(tiles[i].id);
+    for (const MapPoint& point : tile) {
+      if (!is_usable(tile, point, tiles[i].from_origin()))
         throw InputError(
             fmt::format("{}: tile {} {}", job.map.folder().string(), tiles[i].id.x, tiles[i].id.y),
             "a point outside its bounds or of no kind",
@@ -58,11 +56,13 @@ std::uint64_t count_chosen(ExportJob& job) {
   return chosen;
 }
 
-void visit_chosen(const ExportJob& job, const std::function<void(const MapPoint&)>& visit) {
+void visit_chosen(const ExportJob& job,
+                  const std::function<void(const MapTile&, const MapPoint&)>& visit) {
   const std::vector<TileEntry> tiles = point_tiles(job.map);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
-    for (const MapPoint& point : job.map.tile(tiles[i].id))
-      if (job.takes(point.kind)) visit(point);
+    const MapTile tile = job.map.tile(tiles[i].id);
+    for (const MapPoint& point : tile)
+      if (job.takes(point.kind)) visit(tile, point);
     job.tell({0.2, 1.0}, i + 1, tiles.size());
   }
 }

@@ -47,6 +47,7 @@ void export_tiles3d(ExportJob& job);
 std::uint64_t count_chosen(ExportJob& job);
 
 /// Hands on the chosen points of each tile, in the tiles' order.
-void visit_chosen(const ExportJob& job, const std::function<void(const MapPoint&)>& visit);
+void visit_chosen(const ExportJob& job,
+                  const std::function<void(const MapTile&, const MapPoint&)>& visit);
 
 }  // namespace stillmap::maps

@@ -19,8 +19,7 @@ constexpr std::size_t kMostOfLine = 128;
 
 }  // namespace
 
-FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame)
-    : frame_(frame), origin_(map.manifest().origin) {
+FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame) : frame_(frame) {
   if (frame != ExportFrame::kUtm && frame != ExportFrame::kMgrs) return;
   const auto& place = map.manifest().geodetic_origin;
   const auto zone = place ? utm_zone_of(*place) : std::nullopt;
@@ -32,20 +31,17 @@ FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame)
   utm_.emplace(*place, *zone);
 }
 
-Eigen::Vector3d FileCoordinates::operator()(const MapPoint& point) const {
-  Eigen::Vector3d p = Eigen::Vector3f(point.x, point.y, point.z).cast<double>();
-  if (frame_ == ExportFrame::kLocal) return p;
-  return utm_ ? utm_->to_utm(p + origin_) : Eigen::Vector3d(p + origin_);
+Eigen::Vector3d FileCoordinates::operator()(const MapTile& tile, const MapPoint& point) const {
+  if (frame_ == ExportFrame::kLocal) return tile.from_origin(point);
+  return utm_ ? utm_->to_utm(tile.position(point)) : tile.position(point);
 }
 
 void require_fine_floats(const MapPackage& map, const char* remedy) {
   double largest_m = 0.0;
   for (const TileEntry& tile : point_tiles(map)) {
-    for (const std::array<float, 3>& corner : {tile.min, tile.max}) {
-      const Eigen::Vector3d p =
-          Eigen::Vector3f(corner[0], corner[1], corner[2]).cast<double>() + map.manifest().origin;
-      largest_m = std::max(largest_m, p.cwiseAbs().maxCoeff());
-    }
+    const Eigen::AlignedBox3d bounds = map.manifest().bounds_of(tile);
+    for (const Eigen::Vector3d& corner : {bounds.min(), bounds.max()})
+      largest_m = std::max(largest_m, corner.cwiseAbs().maxCoeff());
   }
   if (largest_m < kCoarseFromM) return;
   const float at = static_cast<float>(largest_m);

@@ -16,7 +16,8 @@ class FileCoordinates {
   /// region.
   FileCoordinates(const MapPackage& map, ExportFrame frame);
 
-  [[nodiscard]] Eigen::Vector3d operator()(const MapPoint& point) const;
+  /// @param point  of the tile.
+  [[nodiscard]] Eigen::Vector3d operator()(const MapTile& tile, const MapPoint& point) const;
 
   [[nodiscard]] ExportFrame frame() const { return frame_; }
   /// With kUtm and kMgrs.
@@ -24,7 +25,6 @@ class FileCoordinates {
 
  private:
   ExportFrame frame_;
-  Eigen::Vector3d origin_;
   std::optional<UtmProjection> utm_;
 };
 

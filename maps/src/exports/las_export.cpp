@@ -140,15 +140,15 @@ void export_las(ExportJob& job) {
   LasSummary summary;
   summary.points = count_chosen(job);
   // Of any point: the map is not far from it.
-  const TileEntry first = point_tiles(job.map).front();
-  summary.offset = coordinates(job.map.tile(first.id).front()).array().round();
+  const MapTile first = job.map.tile(point_tiles(job.map).front().id);
+  summary.offset = coordinates(first, first[0]).array().round();
   const double scale = intensity_scale(job);
   const std::string wkt = wkt_of(job, coordinates);
   OutputFile file(job.target);
   put_header(file, summary, wkt);
   put_wkt(file, wkt);
-  visit_chosen(job, [&](const MapPoint& point) {
-    const Whole p = to_whole(coordinates(point), summary, job);
+  visit_chosen(job, [&](const MapTile& tile, const MapPoint& point) {
+    const Whole p = to_whole(coordinates(tile, point), summary, job);
     summary.min = summary.min.cwiseMin(p);
     summary.max = summary.max.cwiseMax(p);
     put_point(file, p, point, scale);

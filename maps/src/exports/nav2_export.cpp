@@ -23,15 +23,11 @@ constexpr char kFree = static_cast<char>(254);
 constexpr char kOccupied = 0;
 constexpr char kUnknown = static_cast<char>(205);
 
-Eigen::Vector3d position_of(const MapPoint& point) {
-  return Eigen::Vector3f(point.x, point.y, point.z).cast<double>();
-}
-
 Eigen::AlignedBox2d bounds_of(const MapPackage& map) {
   Eigen::AlignedBox2d bounds;
   for (const TileEntry& tile : point_tiles(map)) {
-    bounds.extend(Eigen::Vector2f(tile.min[0], tile.min[1]).cast<double>());
-    bounds.extend(Eigen::Vector2f(tile.max[0], tile.max[1]).cast<double>());
+    bounds.extend(tile.from_origin().min().head<2>());
+    bounds.extend(tile.from_origin().max().head<2>());
   }
   return bounds;
 }
@@ -41,8 +37,9 @@ GroundHeights ground_of(const ExportJob& job, const Eigen::AlignedBox2d& bounds)
   const std::vector<TileEntry> tiles = point_tiles(job.map);
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     // Heights take all the ground there is, also where it is not to be shown.
-    for (const MapPoint& point : job.map.tile(tiles[i].id))
-      if (point.kind != PointKind::kMeasured) ground.add(position_of(point));
+    const MapTile tile = job.map.tile(tiles[i].id);
+    for (const MapPoint& point : tile)
+      if (point.kind != PointKind::kMeasured) ground.add(tile.from_origin(point));
     job.tell({0.2, 0.3}, i + 1, tiles.size());
   }
   if (!ground.finish())
@@ -60,19 +57,20 @@ std::vector<Eigen::Vector3d> sensors_of(const MapPackage& map) {
   return sensors;
 }
 
-void add_points(const ExportJob& job, TileId tile, OccupancyGrid& grid) {
-  for (const MapPoint& point : job.map.tile(tile))
+void add_points(const ExportJob& job, TileId id, OccupancyGrid& grid) {
+  const MapTile tile = job.map.tile(id);
+  for (const MapPoint& point : tile)
     if (job.takes(point.kind))
-      grid.add_point(position_of(point), point.kind != PointKind::kMeasured);
+      grid.add_point(tile.from_origin(point), point.kind != PointKind::kMeasured);
 }
 
-void add_rays(const ExportJob& job, TileId tile, const std::vector<Eigen::Vector3d>& sensors,
+void add_rays(const ExportJob& job, TileId id, const std::vector<Eigen::Vector3d>& sensors,
               OccupancyGrid& grid) {
-  const auto points = job.map.tile(tile);
-  const auto history = job.map.history(tile);
+  const MapTile tile = job.map.tile(id);
+  const std::vector<PointHistory> history = job.map.history(id);
   for (std::size_t i = 0; i < history.size(); ++i) {
-    if (!is_measured(points[i].kind)) continue;
-    const Eigen::Vector3d p = position_of(points[i]);
+    if (!is_measured(tile[i].kind)) continue;
+    const Eigen::Vector3d p = tile.from_origin(tile[i]);
     const auto [first, last] = std::pair(history[i].first_scan, history[i].last_scan);
     if (first < sensors.size()) grid.add_ray(sensors[first], p);
     if (last != first && last < sensors.size()) grid.add_ray(sensors[last], p);

@@ -34,8 +34,8 @@ void export_pcd(ExportJob& job) {
   const std::uint64_t points = count_chosen(job);
   OutputFile file(job.target);
   file.write(pcd_header(points, job.options.kinds, frame_lines(job.map, coordinates)));
-  visit_chosen(job, [&](const MapPoint& point) {
-    put_pcd_point(file, coordinates(point).cast<float>(), point.intensity);
+  visit_chosen(job, [&](const MapTile& tile, const MapPoint& point) {
+    put_pcd_point(file, coordinates(tile, point).cast<float>(), point.intensity);
     if (job.options.kinds) file.put(static_cast<std::uint8_t>(point.kind));
   });
   file.close();

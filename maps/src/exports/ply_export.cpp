@@ -21,8 +21,8 @@ void export_ply(ExportJob& job) {
                  points);
   OutputFile file(job.target);
   file.write(header);
-  visit_chosen(job, [&](const MapPoint& point) {
-    const Eigen::Vector3d p = coordinates(point);
+  visit_chosen(job, [&](const MapTile& tile, const MapPoint& point) {
+    const Eigen::Vector3d p = coordinates(tile, point);
     for (const double value : {p.x(), p.y(), p.z()}) file.put(value);
     file.put(point.intensity);
     file.put(static_cast<std::uint8_t>(point.kind));

@@ -31,10 +31,7 @@ std::map<PoseNumber, std::vector<TileEntry>> keyframes_of(
   std::size_t done = 0;
   for (const TileEntry& tile : tiles) {
     job.tell({0.2, 0.3}, done++, tiles.size());
-    Eigen::Vector3d middle = job.map.manifest().origin;
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      middle[static_cast<Eigen::Index>(axis)] +=
-          0.5 * (static_cast<double>(tile.min[axis]) + static_cast<double>(tile.max[axis]));
+    const Eigen::Vector3d middle = job.map.manifest().bounds_of(tile).center();
     PoseNumber nearest;
     double least_m2 = std::numeric_limits<double>::infinity();
     for (std::size_t drive = 0; drive < trajectories.size(); ++drive) {
@@ -56,10 +53,11 @@ std::vector<RawlogPoint> points_of(const ExportJob& job, const std::vector<TileE
                                    const FileCoordinates& coordinates,
                                    const Eigen::Isometry3d& T_lidar_file) {
   std::vector<RawlogPoint> points;
-  for (const TileEntry& tile : tiles) {
-    for (const MapPoint& point : job.map.tile(tile.id)) {
+  for (const TileEntry& entry : tiles) {
+    const MapTile tile = job.map.tile(entry.id);
+    for (const MapPoint& point : tile) {
       if (!job.takes(point.kind)) continue;
-      const Eigen::Vector3f p = (T_lidar_file * coordinates(point)).cast<float>();
+      const Eigen::Vector3f p = (T_lidar_file * coordinates(tile, point)).cast<float>();
       points.push_back({p.x(), p.y(), p.z(), point.intensity, 0.0F});
     }
   }

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -59,7 +58,7 @@ void export_tiles3d(ExportJob& job) {
       for (const TileEntry& tile : map.manifest().tiles) {
         if (tile.id.level != 0) continue;
         tiles.push_back(tile);
-        files.write(tile.id, "glb", glb_of(tile, map.tile(tile.id)));
+        files.write(tile.id, "glb", glb_of(tile, map.tile(tile.id).points_from_origin()));
       }
     }
     for (const TileRow& row : levels.rows()) {

@@ -27,9 +27,8 @@ void put(std::string& bytes, std::uint32_t value) {
 }
 
 /// All digits of the floats, so that a reader of doubles has the very same.
-std::string numbers(const std::array<float, 3>& xyz) {
-  return fmt::format("{},{},{}", static_cast<double>(xyz[0]), static_cast<double>(xyz[1]),
-                     static_cast<double>(xyz[2]));
+std::string numbers(const Eigen::Vector3d& xyz) {
+  return fmt::format("{},{},{}", xyz.x(), xyz.y(), xyz.z());
 }
 
 std::string json_of(const TileEntry& tile, std::uint64_t bytes) {
@@ -42,7 +41,7 @@ std::string json_of(const TileEntry& tile, std::uint64_t bytes) {
       R"("accessors":[{{"bufferView":0,"componentType":5126,"count":{1},"type":"VEC3","min":[{2}],"max":[{3}]}},)"
       R"({{"bufferView":0,"byteOffset":12,"componentType":5126,"count":{1},"type":"SCALAR"}},)"
       R"({{"bufferView":0,"byteOffset":16,"componentType":5121,"count":{1},"type":"VEC4"}}]}})",
-      bytes, tile.points, numbers(tile.min), numbers(tile.max));
+      bytes, tile.points, numbers(tile.from_origin().min()), numbers(tile.from_origin().max()));
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdint>
 #include <future>
-#include <span>
 #include <utility>
 
 #include "levels/voxel_thinning.hpp"
@@ -41,11 +40,9 @@ LevelWriter::LevelWriter(const MapPackage& map, TileFileWriter& writer, const De
 
 void LevelWriter::write_own_level(const std::set<PointKind>& without) {
   for (const TileRow& row : below_) {
-    const std::span<const MapPoint> tile = map_.tile(row.id());
-    std::vector<MapPoint> kept;
-    std::copy_if(tile.begin(), tile.end(), std::back_inserter(kept),
-                 [&](const MapPoint& p) { return !without.contains(p.kind); });
-    if (!kept.empty()) writer_.add(row.id(), kept);
+    std::vector<MapPoint> points = map_.tile(row.id()).points_from_origin();
+    std::erase_if(points, [&](const MapPoint& p) { return without.contains(p.kind); });
+    if (!points.empty()) writer_.add(row.id(), points);
   }
   below_ = writer_.rows();
 }
@@ -76,13 +73,9 @@ std::vector<MapPoint> LevelWriter::made(const Parent& parent) const {
   std::vector<MapPoint> points;
   for (const std::size_t child : parent.children) {
     const TileRow& row = below_[child];
-    if (lies_in_file(row)) {
-      const std::vector<MapPoint> tile = writer_.read(row);
-      points.insert(points.end(), tile.begin(), tile.end());
-    } else {
-      const std::span<const MapPoint> tile = map_.tile(row.id());
-      points.insert(points.end(), tile.begin(), tile.end());
-    }
+    const std::vector<MapPoint> tile =
+        lies_in_file(row) ? writer_.read(row) : map_.tile(row.id()).points_from_origin();
+    points.insert(points.end(), tile.begin(), tile.end());
   }
   const double width_m = std::ldexp(kTileSizeM, static_cast<int>(parent.id.level));
   return thinned_by_voxel(points, parent.id.x * width_m, parent.id.y * width_m,

@@ -32,14 +32,6 @@ ShiftedPoints::ShiftedPoints(const MapPackage& map, const Eigen::Vector3d& origi
                    "at most " + std::to_string(kMostShiftM) + " m");
 }
 
-MapPoint ShiftedPoints::shifted(MapPoint p) const {
-  // Without a shift the very same bits.
-  p.x = static_cast<float>(static_cast<double>(p.x) + shift_.x());
-  p.y = static_cast<float>(static_cast<double>(p.y) + shift_.y());
-  p.z = static_cast<float>(static_cast<double>(p.z) + shift_.z());
-  return p;
-}
-
 std::set<std::pair<std::int32_t, std::int32_t>> ShiftedPoints::tiles() const {
   std::set<std::pair<std::int32_t, std::int32_t>> all;
   // Tiles of ours that a tile's extent along one axis meets, whatever its manifest says.
@@ -51,8 +43,9 @@ std::set<std::pair<std::int32_t, std::int32_t>> ShiftedPoints::tiles() const {
   };
   for (const TileEntry& tile : map_.manifest().tiles) {
     if (tile.id.level != 0) continue;
-    const auto [x0, x1] = range(tile.id.x, tile.min[0], tile.max[0], shift_.x());
-    const auto [y0, y1] = range(tile.id.y, tile.min[1], tile.max[1], shift_.y());
+    const Eigen::AlignedBox3d box = tile.from_origin();
+    const auto [x0, x1] = range(tile.id.x, box.min().x(), box.max().x(), shift_.x());
+    const auto [y0, y1] = range(tile.id.y, box.min().y(), box.max().y(), shift_.y());
     for (std::int32_t x = x0; x <= x1; ++x)
       for (std::int32_t y = y0; y <= y1; ++y) all.emplace(x, y);
   }
@@ -69,8 +62,9 @@ std::vector<MapPoint> ShiftedPoints::in_tile(std::int32_t x, std::int32_t y,
        tx <= tile_of(low_x + width - shift_.x() + kRoundingM); ++tx) {
     for (std::int32_t ty = tile_of(low_y - shift_.y() - kRoundingM);
          ty <= tile_of(low_y + width - shift_.y() + kRoundingM); ++ty) {
-      for (const MapPoint& own : map_.tile({.level = 0, .x = tx, .y = ty})) {
-        const MapPoint p = shifted(own);
+      const MapTile tile = map_.tile({.level = 0, .x = tx, .y = ty});
+      for (const MapPoint& own : tile) {
+        const MapPoint p = moved_to(own, tile.from_origin(own) + shift_);
         if (p.x >= low_x && p.x < low_x + width && p.y >= low_y && p.y < low_y + width &&
             std::isfinite(p.z))
           points.push_back(p);

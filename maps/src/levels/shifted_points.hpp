@@ -26,8 +26,6 @@ class ShiftedPoints {
                                               double margin_m = 0.0) const;
 
  private:
-  [[nodiscard]] MapPoint shifted(MapPoint p) const;
-
   const MapPackage& map_;
   Eigen::Vector3d shift_;
 };

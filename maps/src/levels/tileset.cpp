@@ -37,13 +37,6 @@ std::vector<TileEntry> tiles_of(const MapPackage& map, const MapLevels& levels) 
 
 }  // namespace
 
-void Tileset::Box::include(const Box& other) {
-  for (std::size_t axis = 0; axis < min.size(); ++axis) {
-    min[axis] = std::min(min[axis], other.min[axis]);
-    max[axis] = std::max(max[axis], other.max[axis]);
-  }
-}
-
 Tileset::Tileset(const MapPackage& map, const MapLevels& levels)
     : Tileset(map, tiles_of(map, levels)) {}
 
@@ -60,8 +53,7 @@ Tileset::Tileset(const MapPackage& map, std::vector<TileEntry> tiles)
     points_of_level_[tile.id.level] += tile.points;
     Node& node = nodes_[tile.id];
     if (tile.id.level == 0) {
-      std::copy(tile.min.begin(), tile.min.end(), node.box.min.begin());
-      std::copy(tile.max.begin(), tile.max.end(), node.box.max.begin());
+      node.box = tile.from_origin();
     } else if (!adopt_children(tile.id, node)) {
       throw InputError(map.folder().string(), "levels of another map", "its own");
     }
@@ -78,8 +70,7 @@ bool Tileset::adopt_children(TileId id, Node& node) {
     const TileId child{id.level - 1, 2 * id.x + dx, 2 * id.y + dy};
     const auto found = nodes_.find(child);
     if (found == nodes_.end()) continue;
-    if (node.children.empty()) node.box = found->second.box;
-    node.box.include(found->second.box);
+    node.box.extend(found->second.box);
     node.children.push_back(child);
   }
   return !node.children.empty();
@@ -91,12 +82,11 @@ double Tileset::error_m(std::uint32_t level) const {
 
 bool Tileset::is_cut(TileId id) const { return std::binary_search(cuts_.begin(), cuts_.end(), id); }
 
-std::string Tileset::box_text(const Box& box) const {
-  std::array<double, 3> centre{};
-  std::array<double, 3> half{};
-  for (std::size_t axis = 0; axis < centre.size(); ++axis) {
-    const double low = down(box.min[axis]);
-    const double high = up(box.max[axis]);
+std::string Tileset::box_text(const Eigen::AlignedBox3d& box) const {
+  Eigen::Vector3d centre, half;
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    const double low = down(box.min()[axis]);
+    const double high = up(box.max()[axis]);
     centre[axis] = tidy(0.5 * (low + high));
     half[axis] = tidy(0.5 * (high - low) + 0.5 * voxel_m_);
   }
@@ -136,12 +126,11 @@ std::string Tileset::extras() const {
 }
 
 std::string Tileset::text(const std::optional<Eigen::Matrix4d>& T_world_origin) const {
-  Box box;
-  if (!roots_.empty()) box = nodes_.at(roots_.front()).box;
-  for (const TileId root : roots_) box.include(nodes_.at(root).box);
-  double diagonal2 = 0.0;
-  for (std::size_t axis = 0; axis < box.min.size(); ++axis)
-    diagonal2 += (box.max[axis] - box.min[axis]) * (box.max[axis] - box.min[axis]);
+  Eigen::AlignedBox3d box;
+  for (const TileId root : roots_) box.extend(nodes_.at(root).box);
+  if (roots_.empty()) box.extend(Eigen::Vector3d::Zero().eval());
+  const Eigen::Vector3d size = box.sizes();
+  const double diagonal2 = size.x() * size.x() + size.y() * size.y() + size.z() * size.z();
   // Of the root, which has no points of its own: never small enough to stop there.
   const double error = std::max(up(std::sqrt(diagonal2)),
                                 error_m(static_cast<std::uint32_t>(points_of_level_.size())));

@@ -5,8 +5,8 @@
 #include <bit>
 #include <concepts>
 #include <cstring>
-#include <span>
 #include <string_view>
+#include <vector>
 
 #include <stillmap/maps/sha256.hpp>
 
@@ -70,9 +70,9 @@ class DigestSum {
   Sha256::Digest sum_{};
 };
 
-void put_point(const MapPoint& point, const Eigen::Vector3d& origin, const PointHistory* history,
+void put_point(const MapPoint& point, const Eigen::Vector3d& position, const PointHistory* history,
                ContentBytes& bytes) {
-  bytes.add(Eigen::Vector3d(origin + Eigen::Vector3d(point.x, point.y, point.z)));
+  bytes.add(position);
   bytes.add(static_cast<double>(point.intensity));
   bytes.add(point.observations);
   bytes.add(static_cast<std::uint8_t>(point.kind));
@@ -90,19 +90,19 @@ void put_points(const MapPackage& map, ContentBytes& content) {
   DigestSum sum;
   Sha256 hash;
   ContentBytes point;
-  for (const TileEntry& tile : map.manifest().tiles) {
-    if (tile.id.level != 0) continue;
-    const std::span<const MapPoint> points = map.tile(tile.id);
-    const std::span<const PointHistory> histories = map.history(tile.id);
-    for (std::size_t i = 0; i < points.size(); ++i) {
+  for (const TileEntry& entry : map.manifest().tiles) {
+    if (entry.id.level != 0) continue;
+    const MapTile tile = map.tile(entry.id);
+    const std::vector<PointHistory> histories = map.history(entry.id);
+    for (std::size_t i = 0; i < tile.size(); ++i) {
       point.clear();
-      put_point(points[i], map.manifest().origin, histories.empty() ? nullptr : &histories[i],
+      put_point(tile[i], tile.position(tile[i]), histories.empty() ? nullptr : &histories[i],
                 point);
       hash.restart();
       hash.add(point.bytes().data(), point.bytes().size());
       sum.add(hash.bytes());
     }
-    count += points.size();
+    count += tile.size();
   }
   content.add(count);
   content.add(sum.bytes());

@@ -2,12 +2,12 @@
 
 #include <stillmap/maps/error.hpp>
 
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <unistd.h>
-
-#include <cerrno>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
 #include <cstring>
+#include <utility>
 
 #include <stillmap/maps/package_files.hpp>
 #include <stillmap/maps/text.hpp>
@@ -45,32 +45,45 @@ void check_history(const fs::path& file, std::uint64_t bytes, std::uint64_t poin
                        std::to_string(points) + " points");
 }
 
-}  // namespace
-
-/// Read-only view of the records of one file for as long as it lives.
+/// The records of a file. Its pages need not stay in memory beside them.
 template <typename Record>
-struct MapPackage::Mapping {
-  Mapping(const fs::path& file, std::size_t records) : bytes(records * sizeof(Record)) {
-    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
-    if (descriptor < 0) throw StorageError(file.string(), std::strerror(errno));
-    address = ::mmap(nullptr, bytes, PROT_READ, MAP_SHARED, descriptor, 0);
-    const int reason = errno;
-    ::close(descriptor);
-    if (address == MAP_FAILED) throw StorageError(file.string(), std::strerror(reason));
-  }
-  ~Mapping() { ::munmap(address, bytes); }
-  Mapping(const Mapping&) = delete;
-  Mapping& operator=(const Mapping&) = delete;
+std::vector<Record> records_of(const MappedFile& file) {
+  const std::span<const std::byte> bytes = file.bytes();
+  std::vector<Record> records(bytes.size() / sizeof(Record));
+  std::memcpy(records.data(), bytes.data(), records.size() * sizeof(Record));
+  file.release_pages();
+  return records;
+}
 
-  [[nodiscard]] std::span<const Record> records() const {
-    return {static_cast<const Record*>(address), bytes / sizeof(Record)};
-  }
+/// Adding it to a number changes nothing, not even the sign of a zero.
+constexpr double kNoOffset = -0.0;
 
-  std::size_t bytes;
-  void* address = nullptr;
-};
+/// Counts one coordinate of the points from a corner instead of the map's origin.
+/// @return `corner`; `kNoOffset`, and the points as they were, where a float would not hold the
+/// difference: just below the origin, where floats are finest.
+double count_from(double corner, float MapPoint::*axis, std::vector<MapPoint>& points) {
+  const auto moved = [&](const MapPoint& point) {
+    return static_cast<float>(static_cast<double>(point.*axis) - corner);
+  };
+  const bool all_fit = std::all_of(points.begin(), points.end(), [&](const MapPoint& point) {
+    const double back = static_cast<double>(moved(point)) + corner;
+    return std::bit_cast<std::uint64_t>(back) ==
+           std::bit_cast<std::uint64_t>(static_cast<double>(point.*axis));
+  });
+  if (!all_fit) return kNoOffset;
+  for (MapPoint& point : points) point.*axis = moved(point);
+  return corner;
+}
 
-MapPackage::~MapPackage() = default;
+/// @param points  as a package of schema 1 has them: relative to the origin.
+MapTile tile_of(TileId id, const Eigen::Vector3d& origin, std::vector<MapPoint> points) {
+  const double width_m = std::ldexp(kTileSizeM, static_cast<int>(id.level));
+  const Eigen::Vector3d corner(count_from(width_m * id.x, &MapPoint::x, points),
+                               count_from(width_m * id.y, &MapPoint::y, points), kNoOffset);
+  return {origin, corner, std::move(points)};
+}
+
+}  // namespace
 
 std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   const fs::path manifest_file = folder / kManifestName;
@@ -86,25 +99,30 @@ std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   package->digest_ = sha256_of(text);
   for (const auto& [path, file] : package->manifest_.files) check_file(folder / path, file);
   for (const TileEntry& tile : package->manifest_.tiles) {
-    package->tiles_.emplace(
-        tile.id, std::make_unique<Mapping<MapPoint>>(folder / tile_path(tile.id), tile.points));
+    package->tiles_.try_emplace(tile.id, folder / tile_path(tile.id));
     const auto history = package->manifest_.files.find(history_path(tile.id));
     if (history == package->manifest_.files.end()) continue;
     check_history(folder / history->first, history->second.bytes, tile.points);
-    package->histories_.emplace(
-        tile.id, std::make_unique<Mapping<PointHistory>>(folder / history->first, tile.points));
+    package->histories_.try_emplace(tile.id, folder / history->first);
   }
   return package;
 }
 
-std::span<const MapPoint> MapPackage::tile(TileId id) const {
+MapTile MapPackage::tile(TileId id) const {
   const auto found = tiles_.find(id);
-  return found == tiles_.end() ? std::span<const MapPoint>{} : found->second->records();
+  if (found == tiles_.end()) return {};
+  return tile_of(id, manifest_.origin, records_of<MapPoint>(found->second));
 }
 
-std::span<const PointHistory> MapPackage::history(TileId id) const {
+std::vector<PointHistory> MapPackage::history(TileId id) const {
   const auto found = histories_.find(id);
-  return found == histories_.end() ? std::span<const PointHistory>{} : found->second->records();
+  if (found == histories_.end()) return {};
+  return records_of<PointHistory>(found->second);
+}
+
+std::span<const std::byte> MapPackage::stored_tile(TileId id) const {
+  const auto found = tiles_.find(id);
+  return found == tiles_.end() ? std::span<const std::byte>{} : found->second.bytes();
 }
 
 std::vector<Trajectory> MapPackage::trajectories() const {

@@ -12,7 +12,7 @@ namespace stillmap::maps {
 
 void require_whole_tile(const MapPackage& map, TileId id) {
   const std::string path = tile_path(id);
-  const std::span<const std::byte> bytes = std::as_bytes(map.tile(id));
+  const std::span<const std::byte> bytes = map.stored_tile(id);
   if (bytes.empty()) throw std::invalid_argument(path + ": no tile of the package");
   Sha256 hash;
   hash.add(bytes.data(), bytes.size());

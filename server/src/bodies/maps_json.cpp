@@ -151,8 +151,8 @@ std::string map_json(const StoredMap& map, const ServedVersion& version,
                              {"x", tile.id.x},
                              {"y", tile.id.y},
                              {"points", tile.points},
-                             {"min", tile.min},
-                             {"max", tile.max}});
+                             {"min", to_json_array(tile.from_origin().min())},
+                             {"max", to_json_array(tile.from_origin().max())}});
   }
   json["objects"] = package.objects().size();
   std::size_t poses = 0;

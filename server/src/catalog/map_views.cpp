@@ -44,21 +44,22 @@ std::string ComparedVersions::name() const {
                      maps::MapDifference::tolerance_mm(tolerance_m));
 }
 
-std::span<const maps::MapPoint> MapViews::own_tile(const ServedVersion& version, maps::TileId id) {
+std::vector<maps::MapPoint> MapViews::own_tile(const ServedVersion& version, maps::TileId id) {
   const maps::MapPackage& package = *version.package;
-  const std::span<const maps::MapPoint> points = package.tile(id);
-  if (points.empty()) return points;
+  if (!package.has_tile(id)) return {};
   const std::string content = version.content();
   std::shared_ptr<const WholeTiles> whole = whole_tiles_.find(content);
   if (!whole) whole_tiles_.put(content, whole = std::make_shared<const WholeTiles>());
-  {
+  const auto is_known = [&] {
     const std::scoped_lock lock(whole->mutex);
-    if (whole->ids.contains(id)) return points;
+    return whole->ids.contains(id);
+  };
+  if (!is_known()) {
+    maps::require_whole_tile(package, id);
+    const std::scoped_lock lock(whole->mutex);
+    whole->ids.insert(id);
   }
-  maps::require_whole_tile(package, id);
-  const std::scoped_lock lock(whole->mutex);
-  whole->ids.insert(id);
-  return points;
+  return package.tile(id).points_from_origin();
 }
 
 DerivedWorker::Answer MapViews::ask_for_levels(const maps::MapPackage& package) {

@@ -15,7 +15,6 @@
 #include <mutex>
 #include <optional>
 #include <set>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -60,11 +59,10 @@ class MapViews {
   explicit MapViews(std::filesystem::path store, std::uint64_t left_free = kLeftFree)
       : store_(std::move(store)), left_free_(left_free) {}
 
-  /// A tile that the package itself holds, compared with its checksum the first time that it is
-  /// asked for; empty when there is none. @throws maps::InputError naming the file when it is
-  /// damaged.
-  [[nodiscard]] std::span<const maps::MapPoint> own_tile(const ServedVersion& version,
-                                                         maps::TileId id);
+  /// Points of a tile that the package itself holds, relative to the map's origin. It is compared
+  /// with its checksum the first time that it is asked for. Empty when there is none.
+  /// @throws maps::InputError naming the file when it is damaged.
+  [[nodiscard]] std::vector<maps::MapPoint> own_tile(const ServedVersion& version, maps::TileId id);
 
   /// Has the levels made in the background, if they are not there, of a package that was just
   /// opened.

@@ -32,8 +32,8 @@ VersionFacts facts_of(const maps::MapManifest& manifest) {
   for (const maps::TileEntry& tile : manifest.tiles) {
     if (tile.id.level != 0) continue;
     facts.points += tile.points;
-    facts.area_m2 += static_cast<double>(tile.max[0] - tile.min[0]) *
-                     static_cast<double>(tile.max[1] - tile.min[1]);
+    const Eigen::Vector3d sizes = tile.from_origin().sizes();
+    facts.area_m2 += sizes.x() * sizes.y();
   }
   facts.frame_id = manifest.frame_id;
   facts.geodetic_origin = manifest.geodetic_origin;

@@ -109,7 +109,7 @@ HttpResponse get_tile(const Context& context, const HttpRequest& request,
       difference_etag(pair, fmt::format("{}-{}-{}-glb-1", path.at("side"), x, y));
   return immutable_answer(request, etag, [&](HttpResponse& response) {
     fill_with_glb(response, tile->entry,
-                  held(context.views.difference_points(pair, *state.ready, *tile)));
+                  context.views.difference_points(pair, *state.ready, *tile));
   });
 }
 

@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
+#include <memory>
+#include <span>
 #include <utility>
 
 namespace stillmap::server {
@@ -18,11 +20,9 @@ namespace {
 /// Text in front of points.
 class PointsSource final : public BodySource {
  public:
-  PointsSource(std::string head, HeldPoints points)
+  PointsSource(std::string head, std::vector<maps::MapPoint> points)
       : head_(std::move(head)), points_(std::move(points)) {}
-  [[nodiscard]] std::uint64_t size() const override {
-    return head_.size() + points_.points.size_bytes();
-  }
+  [[nodiscard]] std::uint64_t size() const override { return head_.size() + bytes().size(); }
   void read(std::uint64_t offset, std::span<char> to) override {
     if (offset < head_.size()) {
       const std::size_t count = std::min<std::uint64_t>(head_.size() - offset, to.size());
@@ -31,21 +31,19 @@ class PointsSource final : public BodySource {
       offset += count;
     }
     if (to.empty()) return;
-    const std::span<const std::byte> bytes = std::as_bytes(points_.points);
-    std::memcpy(to.data(), bytes.subspan(offset - head_.size(), to.size()).data(), to.size());
+    std::memcpy(to.data(), bytes().subspan(offset - head_.size(), to.size()).data(), to.size());
   }
 
  private:
+  [[nodiscard]] std::span<const std::byte> bytes() const {
+    return std::as_bytes(std::span(points_));
+  }
+
   std::string head_;
-  HeldPoints points_;
+  std::vector<maps::MapPoint> points_;
 };
 
 }  // namespace
-
-HeldPoints held(std::vector<maps::MapPoint> points) {
-  const auto owner = std::make_shared<const std::vector<maps::MapPoint>>(std::move(points));
-  return {*owner, owner};
-}
 
 HttpResponse immutable_answer(const HttpRequest& request, const std::string& etag,
                               const std::function<void(HttpResponse&)>& fill) {
@@ -72,7 +70,8 @@ bool lies_above_points(const maps::MapPackage& package, maps::TileId id) {
   });
 }
 
-void fill_with_glb(HttpResponse& response, const maps::TileEntry& tile, HeldPoints points) {
+void fill_with_glb(HttpResponse& response, const maps::TileEntry& tile,
+                   std::vector<maps::MapPoint> points) {
   response.content_type = maps::kGlbMediaType;
   response.source = std::make_shared<PointsSource>(maps::glb_head(tile), std::move(points));
 }

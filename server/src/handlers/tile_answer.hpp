@@ -6,8 +6,6 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <functional>
-#include <memory>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,13 +15,6 @@ namespace stillmap::server {
 /// Of what never changes: for who asked, and for no cache that several share, which would give it
 /// to who has no key (RFC 9111, section 3.5).
 inline constexpr const char* kKeptForEver = "private, max-age=31536000, immutable";
-
-/// Points that live as long as their owner.
-struct HeldPoints {
-  std::span<const maps::MapPoint> points;
-  std::shared_ptr<const void> owner;
-};
-[[nodiscard]] HeldPoints held(std::vector<maps::MapPoint> points);
 
 /// What never changes, under its tag: 304 to who has it, else what `fill` adds to the answer.
 [[nodiscard]] HttpResponse immutable_answer(const HttpRequest& request, const std::string& etag,
@@ -36,6 +27,7 @@ struct HeldPoints {
 [[nodiscard]] bool lies_above_points(const maps::MapPackage& package, maps::TileId id);
 
 /// The points as a binary glTF, sent without a copy of them. @param tile  of these points.
-void fill_with_glb(HttpResponse& response, const maps::TileEntry& tile, HeldPoints points);
+void fill_with_glb(HttpResponse& response, const maps::TileEntry& tile,
+                   std::vector<maps::MapPoint> points);
 
 }  // namespace stillmap::server

@@ -13,6 +13,7 @@
 #include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace stillmap::server {
 namespace {
@@ -33,17 +34,16 @@ HttpResponse answer_tile(const Context& context, const HttpRequest& request,
                          const PathParameters& path) {
   const ServedVersion map = find_version(context.catalog, path);
   const maps::TileId id = read_tile_id(path);
-  std::span<const maps::MapPoint> points = map.package->tile(id);
   std::optional<LevelTile> derived;
-  if (points.empty()) {
+  if (!map.package->has_tile(id)) {
     if (lies_above_points(*map.package, id)) derived = context.views.level_tile(map, id);
     if (!derived) refuse_tile(map, request);
-    points = derived->points;
   }
   return immutable_answer(request, tile_etag(map, "", id), [&](HttpResponse& response) {
-    if (!derived) points = context.views.own_tile(map, id);
+    const std::vector<maps::MapPoint> points =
+        derived ? std::move(derived->points) : context.views.own_tile(map, id);
     response.content_type = "application/octet-stream";
-    const std::span<const std::byte> bytes = std::as_bytes(points);
+    const std::span<const std::byte> bytes = std::as_bytes(std::span(points));
     response.body.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   });
 }

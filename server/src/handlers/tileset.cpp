@@ -61,7 +61,7 @@ HttpResponse own_tile(const Context& context, const ServedVersion& map, const Ht
       std::find_if(tiles.begin(), tiles.end(), [&](const auto& each) { return each.id == id; });
   if (tile == tiles.end()) refuse(map, request);
   return immutable_answer(request, tile_etag(map, kGlbForm, id), [&](HttpResponse& response) {
-    fill_with_glb(response, *tile, {context.views.own_tile(map, id), map.package});
+    fill_with_glb(response, *tile, context.views.own_tile(map, id));
   });
 }
 
@@ -74,7 +74,7 @@ HttpResponse get_glb(const Context& context, const HttpRequest& request,
   std::optional<LevelTile> tile = context.views.level_tile(map, id);
   if (!tile) refuse(map, request);
   return immutable_answer(request, tile_etag(map, kGlbForm, id), [&](HttpResponse& response) {
-    fill_with_glb(response, tile->entry, held(std::move(tile->points)));
+    fill_with_glb(response, tile->entry, std::move(tile->points));
   });
 }
 

@@ -22,10 +22,6 @@ double path_length_m(const std::vector<Eigen::Isometry3d>& T_map_lidar) {
   return length_m;
 }
 
-Eigen::Vector3d to_map(const std::array<float, 3>& p, const Eigen::Vector3d& origin) {
-  return Eigen::Vector3d(p[0], p[1], p[2]) + origin;
-}
-
 /// Of a recording; what `?sensor=` put behind it is left out.
 std::string topic_of(const maps::Drive::Contents& contents) {
   using enum maps::DriveLayout;
@@ -80,8 +76,7 @@ MapSummary summarize(const maps::MapPackage& package) {
   for (const maps::TileEntry& tile : summary.manifest.tiles) {
     if (tile.id.level != 0) continue;
     summary.points += tile.points;
-    summary.bounds_map.extend(to_map(tile.min, summary.manifest.origin));
-    summary.bounds_map.extend(to_map(tile.max, summary.manifest.origin));
+    summary.bounds_map.extend(summary.manifest.bounds_of(tile));
   }
   summary.objects = package.objects().size();
   for (const maps::Trajectory& drive : package.trajectories()) {

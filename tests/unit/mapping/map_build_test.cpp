@@ -226,10 +226,10 @@ TEST_F(MapBuild, PutsNoPointAboveTheGroundWhereTheCarStood) {
   use_boxes();
   (void)build();
   const auto map = open();
-  for (const maps::TileEntry& tile : map->manifest().tiles) {
-    for (const maps::MapPoint& p : map->tile(tile.id)) {
-      const Eigen::Vector3d q =
-          Eigen::Vector3f(p.x, p.y, p.z).cast<double>() + map->manifest().origin;
+  for (const maps::TileEntry& entry : map->manifest().tiles) {
+    const maps::MapTile tile = map->tile(entry.id);
+    for (const maps::MapPoint& p : tile) {
+      const Eigen::Vector3d q = tile.position(p);
       const bool in_car = q.x() > 8.0 && q.x() < 12.3 && q.y() > 3.0 && q.y() < 4.8;
       if (in_car) {
         ASSERT_LT(q.z(), 0.2);
@@ -321,10 +321,10 @@ TEST_F(MapBuild, KeepsAHiddenScanOutAndSaysSo) {
     const auto map = open(name);
     EXPECT_EQ(map->manifest().counts.at("scans_hidden"), 1U);
     // Nothing in the air between the walls but the car.
-    for (const maps::TileEntry& tile : map->manifest().tiles) {
-      for (const maps::MapPoint& p : map->tile(tile.id)) {
-        const Eigen::Vector3d q =
-            Eigen::Vector3f(p.x, p.y, p.z).cast<double>() + map->manifest().origin;
+    for (const maps::TileEntry& entry : map->manifest().tiles) {
+      const maps::MapTile tile = map->tile(entry.id);
+      for (const maps::MapPoint& p : tile) {
+        const Eigen::Vector3d q = tile.position(p);
         EXPECT_FALSE(q.z() > 0.3 && q.y() > -7.5 && q.y() < 2.5) << q.transpose();
       }
     }
@@ -509,10 +509,11 @@ TEST_F(MapBuild, AsThePaperPutsBoxesOnTheScansMeanGround) {
   EXPECT_EQ(report.points.at("filled"), 0U);
   EXPECT_EQ(open()->manifest().options.at("ground_height"), "mean");
   const auto map = open();
-  for (const maps::TileEntry& tile : map->manifest().tiles) {
-    for (const maps::MapPoint& p : map->tile(tile.id)) {
+  for (const maps::TileEntry& entry : map->manifest().tiles) {
+    const maps::MapTile tile = map->tile(entry.id);
+    for (const maps::MapPoint& p : tile) {
       if (p.kind != maps::PointKind::kProjected) continue;
-      EXPECT_NEAR(static_cast<double>(p.z) + map->manifest().origin.z(), 0.0, 0.02);
+      EXPECT_NEAR(tile.position(p).z(), 0.0, 0.02);
     }
   }
 }
@@ -549,10 +550,10 @@ TEST_F(MapBuild, ReplaysAUsersCorrections) {
   EXPECT_THAT(report.warnings[0], testing::HasSubstr("bus"));
   const auto map = open();
   std::size_t of_car = 0, of_wall = 0;
-  for (const maps::TileEntry& tile : map->manifest().tiles) {
-    for (const maps::MapPoint& p : map->tile(tile.id)) {
-      const Eigen::Vector3d q =
-          Eigen::Vector3f(p.x, p.y, p.z).cast<double>() + map->manifest().origin;
+  for (const maps::TileEntry& entry : map->manifest().tiles) {
+    const maps::MapTile tile = map->tile(entry.id);
+    for (const maps::MapPoint& p : tile) {
+      const Eigen::Vector3d q = tile.position(p);
       of_car += std::abs(q.x() - 10.15) < 2.3 && std::abs(q.y() - 3.9) < 1.0 && q.z() > 0.3;
       of_wall +=
           std::abs(q.x() - 5.0) < 1.4 && std::abs(q.y() - 8.0) < 0.4 && std::abs(q.z() - 1.0) < 0.4;

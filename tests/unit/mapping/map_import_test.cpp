@@ -178,8 +178,8 @@ test::LasBytes las_of(const std::vector<Eigen::Vector3d>& points_enu, std::uint1
 
 /// The one point of a map of one voxel, in map coordinates.
 Eigen::Vector3d only_point(const maps::MapPackage& package) {
-  const maps::MapPoint point = package.tile(package.manifest().tiles.at(0).id)[0];
-  return Eigen::Vector3f(point.x, point.y, point.z).cast<double>() + package.manifest().origin;
+  const maps::MapTile tile = package.tile(package.manifest().tiles.at(0).id);
+  return tile.position(tile[0]);
 }
 
 TEST_F(MapImport, UtmBecomesALocalFrameThatKnowsItsPlace) {
@@ -250,13 +250,14 @@ TEST_F(MapImport, OurOwnAutowareMapsComeBackInAnyProjection) {
     const Eigen::Isometry3d T_hall_map =
         maps::T_enu_enu(kTownHall, *package->manifest().geodetic_origin);
     std::size_t found = 0;
-    for (const maps::TileEntry& tile : package->manifest().tiles)
-      for (const maps::MapPoint& point : package->tile(tile.id)) {
-        const Eigen::Vector3d p =
-            T_hall_map * (Eigen::Vector3d(point.x, point.y, point.z) + package->manifest().origin);
+    for (const maps::TileEntry& entry : package->manifest().tiles) {
+      const maps::MapTile tile = package->tile(entry.id);
+      for (const maps::MapPoint& point : tile) {
+        const Eigen::Vector3d p = T_hall_map * tile.position(point);
         for (const Eigen::Vector3d& expected : points)
           found += (p - expected).norm() < (projector == "MGRS" ? 0.01 : 0.002) ? 1U : 0U;
       }
+    }
     EXPECT_EQ(found, 2U) << projector;
     // A grid has its z up.
     options_.up = "y";

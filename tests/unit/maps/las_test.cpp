@@ -240,10 +240,10 @@ TEST(Las, WhatTheExportWritesComesBackToTheMillimetre) {
     EXPECT_EQ(summary.coordinates, placed ? "WGS 84 / UTM zone 32N" : "town");
     const UtmProjection utm({49.0, 8.4, 116.5}, {32, true});
     std::size_t i = 0;
-    for (const TileEntry& tile : package->manifest().tiles) {
-      for (const MapPoint& point : package->tile(tile.id)) {
-        const Eigen::Vector3d p_map =
-            Eigen::Vector3f(point.x, point.y, point.z).cast<double>() + town.origin;
+    for (const TileEntry& entry : package->manifest().tiles) {
+      const MapTile tile = package->tile(entry.id);
+      for (const MapPoint& point : tile) {
+        const Eigen::Vector3d p_map = tile.position(point);
         const Eigen::Vector3d back =
             placed ? utm.to_map(points.at(i).position) : points.at(i).position;
         EXPECT_LT((back - p_map).cwiseAbs().maxCoeff(), 0.00051);

@@ -73,7 +73,7 @@ class MapExport : public ::testing::Test {
   static std::vector<MapPoint> points_of(const MapPackage& map) {
     std::vector<MapPoint> points;
     for (const TileEntry& tile : map.manifest().tiles)
-      for (const MapPoint& point : map.tile(tile.id)) points.push_back(point);
+      for (const MapPoint& point : map.tile(tile.id).points_from_origin()) points.push_back(point);
     return points;
   }
 

@@ -51,9 +51,7 @@ fs::path levels_file(const MapPackage& map) { return map.folder() / "levels" / "
 
 /// Points of a tile of any level.
 std::vector<MapPoint> points_of(const MapPackage& map, const MapLevels& levels, TileId id) {
-  if (id.level > 0) return levels.points(id);
-  const std::span<const MapPoint> tile = map.tile(id);
-  return {tile.begin(), tile.end()};
+  return id.level > 0 ? levels.points(id) : map.tile(id).points_from_origin();
 }
 
 std::vector<TileId> children_of(TileId id) {

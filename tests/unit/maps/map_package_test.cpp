@@ -4,9 +4,12 @@
 #include <stillmap/maps/frames.hpp>
 
 #include <array>
+#include <cmath>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <regex>
 
 #include <stillmap/maps/package_files.hpp>
@@ -97,15 +100,79 @@ TEST(MapPackage, ReadsBackWhatWasWritten) {
   EXPECT_EQ(manifest.sources, sample_manifest().sources);
   ASSERT_EQ(manifest.tiles.size(), 2U);
   EXPECT_EQ(manifest.tiles[0].id, kNear);
-  EXPECT_THAT(manifest.tiles[0].min, ElementsAre(1.0F, -5.0F, -6.0F));
-  EXPECT_THAT(manifest.tiles[0].max, ElementsAre(4.0F, -2.0F, 3.0F));
-  const std::span<const MapPoint> tile = package->tile(kNear);
+  EXPECT_EQ(manifest.tiles[0].from_origin().min(), Eigen::Vector3d(1.0, -5.0, -6.0));
+  EXPECT_EQ(manifest.tiles[0].from_origin().max(), Eigen::Vector3d(4.0, -2.0, 3.0));
+  EXPECT_EQ(manifest.bounds_of(manifest.tiles[0]).max(),
+            sample_manifest().origin + Eigen::Vector3d(4.0, -2.0, 3.0));
+  const MapTile tile = package->tile(kNear);
   ASSERT_EQ(tile.size(), 2U);
-  EXPECT_EQ(tile[1].y, -5.0F);
+  EXPECT_EQ(tile.from_origin(tile[1]), Eigen::Vector3d(4.0, -5.0, -6.0));
+  EXPECT_EQ(tile.position(tile[1]), sample_manifest().origin + Eigen::Vector3d(4.0, -5.0, -6.0));
   EXPECT_EQ(tile[1].observations, 3);
   EXPECT_EQ(tile[1].kind, PointKind::kProjected);
   EXPECT_EQ(tile[1].object, 2);
-  EXPECT_THAT(package->tile({.level = 0, .x = 5, .y = 5}), IsEmpty());
+  EXPECT_TRUE(package->has_tile(kNear));
+  EXPECT_FALSE(package->has_tile({.level = 0, .x = 5, .y = 5}));
+  EXPECT_TRUE(package->tile({.level = 0, .x = 5, .y = 5}).empty());
+}
+
+/// A tile of points along a line through it, as a build rounds them.
+std::vector<MapPoint> points_along(TileId id) {
+  const double width_m = std::ldexp(kTileSizeM, static_cast<int>(id.level));
+  std::vector<MapPoint> points;
+  for (const double share : {0.0, 1e-9, 0.1, 1.0 / 3.0, 0.5, 0.7, 0.999, 1.0}) {
+    const double x = (id.x + share) * width_m, y = (id.y + 1.0 - share) * width_m;
+    points.push_back(point(static_cast<float>(x), static_cast<float>(y), -0.1F));
+  }
+  if (id.x == -1 || id.x == 0) points.push_back(point(-0.0F, 0.0F, -0.0F));
+  return points;
+}
+
+TEST(MapTile, HasTheVeryCoordinatesThatWereWritten) {
+  const TemporaryFolder folder;
+  std::map<TileId, std::vector<MapPoint>> written;
+  for (const std::int32_t x : {-50'000, -7, -2, -1, 0, 1, 2, 40, 100'000})
+    for (const std::uint32_t level : {0U, 2U})
+      written[{.level = level, .x = x, .y = 3 - x}] =
+          points_along({.level = level, .x = x, .y = 3 - x});
+  MapPackageWriter writer(folder.path() / "map");
+  for (const auto& [id, points] : written) writer.add_tile(id, points);
+  writer.publish(sample_manifest(), "{}");
+  const auto package = MapPackage::open(folder.path() / "map");
+  for (const auto& [id, points] : written) {
+    const MapTile tile = package->tile(id);
+    ASSERT_EQ(tile.size(), points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Eigen::Vector3d p(points[i].x, points[i].y, points[i].z);
+      EXPECT_EQ(tile.from_origin(tile[i]), p);
+      EXPECT_EQ(tile.position(tile[i]), sample_manifest().origin + p);
+    }
+    const std::vector<MapPoint> back = package->tile(id).points_from_origin();
+    EXPECT_EQ(std::memcmp(back.data(), points.data(), points.size() * sizeof(MapPoint)), 0) << id.x;
+  }
+}
+
+TEST(MapTile, CountsFromItsCorner) {
+  const TemporaryFolder folder;
+  const std::array<MapPoint, 2> points{point(641, -299, 7), point(659, -281, -7)};
+  MapPackageWriter writer(folder.path() / "map");
+  writer.add_tile({.level = 0, .x = 32, .y = -15}, points);
+  writer.publish(sample_manifest(), "{}");
+  const auto package = MapPackage::open(folder.path() / "map");
+  const MapTile tile = package->tile({.level = 0, .x = 32, .y = -15});
+  EXPECT_THAT((std::array{tile[0].x, tile[0].y, tile[0].z}), ElementsAre(1.0F, 1.0F, 7.0F));
+  EXPECT_THAT((std::array{tile[1].x, tile[1].y, tile[1].z}), ElementsAre(19.0F, 19.0F, -7.0F));
+}
+
+TEST(MapTile, OutlivesItsPackage) {
+  const TemporaryFolder folder;
+  write_sample(folder.path() / "map", false, "{}");
+  auto package = MapPackage::open(folder.path() / "map");
+  const MapTile tile = package->tile(kFar);
+  fs::remove_all(folder.path() / "map");
+  EXPECT_EQ(package->tile(kNear).size(), 2U) << "an open package stays readable";
+  package.reset();
+  EXPECT_EQ(tile.from_origin(tile[0]), Eigen::Vector3d(600.0, 300.0, 0.0));
 }
 
 Registration sample_registration() {

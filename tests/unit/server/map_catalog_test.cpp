@@ -145,13 +145,13 @@ TEST_F(MapCatalogTest, ServesAMendedPackageSoonAndTheOldOneUntilThen) {
   };
   spoil('\x55');
   MapCatalog& catalog = start();
-  const float damaged = catalog.find("town").package->tile({}).front().x;
+  const float damaged = catalog.find("town").package->tile({})[0].x;
   builder_.set_held(digests_[1], true);
   store_.add("town", "v1", folder_.path() / "package1");
   wait([&] { return builder_.built(digests_[1]) == 2; });
-  EXPECT_EQ(catalog.ready("town", {}).package->tile({}).front().x, damaged);
+  EXPECT_EQ(catalog.ready("town", {}).package->tile({})[0].x, damaged);
   builder_.set_held(digests_[1], false);
-  wait([&] { return catalog.ready("town", {}).package->tile({}).front().x == 0; });
+  wait([&] { return catalog.ready("town", {}).package->tile({})[0].x == 0; });
   EXPECT_NE(damaged, 0.F);
   EXPECT_EQ(builder_.built(digests_[1]), 2);
 

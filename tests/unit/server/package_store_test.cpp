@@ -193,7 +193,7 @@ TEST_F(PackageStoreTest, RemovesAPackageWithItsLastName) {
   const auto kept_open = store.open("town", "1");
   EXPECT_TRUE(store.remove("town", "1"));
   EXPECT_THAT(listing(store_ / "packages"), ElementsAre(second_));
-  EXPECT_EQ(kept_open->tile({}).front().y, 1.0F) << "queries in flight finish on it";
+  EXPECT_EQ(kept_open->tile({})[0].y, 1.0F) << "queries in flight finish on it";
 }
 
 TEST_F(PackageStoreTest, VerifyNamesWhatIsBroken) {

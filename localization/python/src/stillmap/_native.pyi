@@ -100,7 +100,7 @@ def write_trajectory(file: _Path, stamps_ns: NDArray[np.int64], poses: ArrayLike
     """Writes a TUM file. poses: (N, 4, 4). Raises ValueError, StorageError."""
 
 class Map:
-    """One version of a map, read in place: its files are mapped, not copied. Safe from several threads."""
+    """One version of a map, read in place: a tile when it is asked for. Safe from several threads."""
 
     @property
     def folder(self) -> os.PathLike[str]: ...
@@ -127,13 +127,13 @@ class Map:
     def tiles(self) -> list[tuple[int, int]]:
         """(x, y) of each tile: squares of 20 m, x = floor((p - origin) / 20 m)."""
     def tile(self, x: int, y: int, *, level: int = 0) -> NDArray[Any]:
-        """Points of a tile as they lie in the file: a read-only view, which keeps the map open.
+        """Points of a tile; a copy.
 
         Fields x, y, z (float32, relative to `origin` [m]), intensity, observations, kind, object. Empty where there
         is no tile.
         """
     def tile_history(self, x: int, y: int, *, level: int = 0) -> NDArray[Any]:
-        """What else is known of a tile's points, in their order: a read-only view.
+        """What else is known of a tile's points, in their order; a copy.
 
         Fields first_scan, last_scan, object (number plus 1, 0 = none), normal (int8, unit vector times 127),
         planarity. Empty where the package has none.

@@ -40,8 +40,8 @@ TopView empty_view(const maps::MapPackage& map) {
   Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
   Eigen::Vector2d max = -min;
   for (const maps::TileEntry& tile : map.manifest().tiles) {
-    min = min.cwiseMin(Eigen::Vector2d(tile.min[0], tile.min[1]));
-    max = max.cwiseMax(Eigen::Vector2d(tile.max[0], tile.max[1]));
+    min = min.cwiseMin(tile.from_origin().min().head<2>());
+    max = max.cwiseMax(tile.from_origin().max().head<2>());
   }
   // As the preview: a map of one point has no extent of its own.
   return {min - Eigen::Vector2d::Ones(), max + Eigen::Vector2d::Ones(), kPictureSide};

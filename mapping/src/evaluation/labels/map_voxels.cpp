@@ -18,10 +18,10 @@ std::uint64_t place_key(const VoxelGrid::Place& place) {
 
 MapVoxels::MapVoxels(const maps::MapPackage& map)
     : grid_(map.manifest().origin, map.manifest().voxel_size_m) {
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
-    for (const maps::MapPoint& point : map.tile(tile.id)) {
-      if (maps::is_measured(point.kind))
-        insert(grid_.origin() + Eigen::Vector3f(point.x, point.y, point.z).cast<double>());
+  for (const maps::TileEntry& entry : map.manifest().tiles) {
+    const maps::MapTile tile = map.tile(entry.id);
+    for (const maps::MapPoint& point : tile) {
+      if (maps::is_measured(point.kind)) insert(tile.position(point));
     }
   }
 }

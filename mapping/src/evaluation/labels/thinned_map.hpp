@@ -40,9 +40,10 @@ class ThinnedMap {
 /// Every point of a package, from its origin [m].
 template <typename Visit>
 void for_each_point(const maps::MapPackage& map, const Visit& visit) {
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
-    for (const maps::MapPoint& point : map.tile(tile.id))
-      visit(Eigen::Vector3f(point.x, point.y, point.z), point.kind);
+  for (const maps::TileEntry& entry : map.manifest().tiles) {
+    const maps::MapTile tile = map.tile(entry.id);
+    for (const maps::MapPoint& point : tile)
+      visit(Eigen::Vector3f(tile.from_origin(point).cast<float>()), point.kind);
   }
 }
 

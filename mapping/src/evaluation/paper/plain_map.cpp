@@ -7,8 +7,7 @@ namespace stillmap::mapping {
 void write_plain_map(const maps::MapPackage& map, const std::filesystem::path& target) {
   maps::MapPackageWriter writer(target);
   for (const maps::TileEntry& entry : map.manifest().tiles) {
-    const std::span<const maps::MapPoint> tile = map.tile(entry.id);
-    std::vector<maps::MapPoint> points(tile.begin(), tile.end());
+    std::vector<maps::MapPoint> points = map.tile(entry.id).points_from_origin();
     for (maps::MapPoint& point : points) {
       if (maps::is_measured(point.kind)) continue;
       point.kind = maps::PointKind::kMeasured;

@@ -2,6 +2,8 @@
 
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/map_object.hpp>
+#include <stillmap/maps/map_tile.hpp>
+#include <stillmap/maps/mapped_file.hpp>
 #include <stillmap/maps/partial_folder.hpp>
 #include <stillmap/maps/point_fates.hpp>
 #include <stillmap/maps/trajectory.hpp>
@@ -10,6 +12,7 @@
 #include <Eigen/Geometry>
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -22,63 +25,19 @@
 
 namespace stillmap::maps {
 
-/// Where a map point comes from.
-enum class PointKind : std::uint8_t {
-  kMeasured = 0,
-  kGround = 1,     ///< measured, and found to be ground
-  kProjected = 2,  ///< moved down from an object
-  kFilled = 3,     ///< synthetic ground
-};
-/// Whether a kind was measured where it lies (ground or not).
-[[nodiscard]] constexpr bool is_measured(PointKind kind) {
-  return kind == PointKind::kMeasured || kind == PointKind::kGround;
-}
-
-/// One point of a tile as it lies in the file (little endian, 20 bytes) and in memory.
-struct MapPoint {
-  /// Relative to the manifest's `origin` [m].
-  float x, y, z;
-  float intensity;
-  /// Observations merged into this point, saturating.
-  std::uint16_t observations;
-  PointKind kind;
-  /// Object that a projected or filled point belongs to: 1 + (n - 1) % 255 with n =
-  /// `PointHistory::object`; 0 = none.
-  std::uint8_t object;
-};
-static_assert(sizeof(MapPoint) == 20);
-
-/// More about a map point, which queries do not need: in a file beside the tile (little endian, 16
-/// bytes).
-struct PointHistory {
-  /// Ordinals of the first and the last scan that saw it, over all drives of the map.
-  std::uint32_t first_scan, last_scan;
-  /// Index in objects.json plus 1 of the object that a projected or filled point belongs to; 0 =
-  /// none.
-  std::uint32_t object;
-  /// Unit normal of the surface around it times 127, towards where it was seen from; 0 0 0 where
-  /// there is none (projected, filled, or too few points around).
-  std::int8_t normal[3];
-  /// 255 = a perfect plane, 0 = no surface at all.
-  std::uint8_t planarity;
-};
-static_assert(sizeof(PointHistory) == 16);
-
-/// One cell of the tile grid: x, y = floor((p - origin) / 20 m / 2^level).
-struct TileId {
-  std::uint32_t level = 0;
-  std::int32_t x = 0;
-  std::int32_t y = 0;
-  auto operator<=>(const TileId&) const = default;
-};
-
-inline constexpr double kTileSizeM = 20.0;
 inline constexpr int kPackageSchema = 1;
 
 struct TileEntry {
   TileId id;
   std::uint64_t points = 0;
+  /// Of the points, relative to the manifest's origin [m]; ask `from_origin` or
+  /// `MapManifest::bounds_of`.
   std::array<float, 3> min{}, max{};
+
+  /// Bounds of the points, relative to the manifest's origin [m].
+  [[nodiscard]] Eigen::AlignedBox3d from_origin() const {
+    return {Eigen::Vector3d(min[0], min[1], min[2]), Eigen::Vector3d(max[0], max[1], max[2])};
+  }
 };
 
 /// How a version was brought into the frame of the version before, by localizing its scans there.
@@ -102,7 +61,7 @@ struct Registration {
 struct MapManifest {
   int schema = kPackageSchema;
   std::string frame_id;
-  /// Added to a tile's coordinates to get map coordinates [m].
+  /// Where the tile grid begins, in the map frame [m].
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   std::optional<GeodeticOrigin> geodetic_origin;
   /// Absent for a version that was built on its own.
@@ -124,6 +83,11 @@ struct MapManifest {
   };
   /// By path relative to the package.
   std::map<std::string, File> files;
+
+  /// Bounds of a tile's points in the map frame [m]. @param tile  one of `tiles`.
+  [[nodiscard]] Eigen::AlignedBox3d bounds_of(const TileEntry& tile) const {
+    return tile.from_origin().translated(origin);
+  }
 };
 
 /// Writes a package beside its final place and publishes it with one rename.
@@ -165,22 +129,28 @@ class MapPackageWriter {
   std::unique_ptr<FatesWriter> fates_;
 };
 
-/// An immutable map version, memory-mapped and used as it is. Safe from several threads.
+/// An immutable map version. Its tiles are decoded when they are asked for, and not kept. Safe from
+/// several threads.
 class MapPackage {
  public:
   /// Checks schema, presence and sizes of all files. @throws InputError naming the file.
   [[nodiscard]] static std::shared_ptr<const MapPackage> open(const std::filesystem::path& folder);
-  ~MapPackage();
   MapPackage(const MapPackage&) = delete;
   MapPackage& operator=(const MapPackage&) = delete;
 
   [[nodiscard]] const MapManifest& manifest() const { return manifest_; }
   [[nodiscard]] const std::string& digest() const { return digest_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
-  /// Points of a tile; empty when there is none. Valid as long as the package.
-  [[nodiscard]] std::span<const MapPoint> tile(TileId id) const;
+  [[nodiscard]] bool has_tile(TileId id) const { return tiles_.contains(id); }
+  /// Points of a tile; empty when there is none.
+  [[nodiscard]] MapTile tile(TileId id) const;
+  /// Whether `history` has something for a tile.
+  [[nodiscard]] bool has_history(TileId id) const { return histories_.contains(id); }
   /// What is known of a tile's points, in their order; empty when the package lists nothing.
-  [[nodiscard]] std::span<const PointHistory> history(TileId id) const;
+  [[nodiscard]] std::vector<PointHistory> history(TileId id) const;
+  /// The bytes that the checksum of a tile's file covers; empty when there is none. Valid as long
+  /// as the package.
+  [[nodiscard]] std::span<const std::byte> stored_tile(TileId id) const;
   /// Poses of the scans of each drive, in the order in which scans are numbered. Empty when the
   /// package lists none. @throws InputError.
   [[nodiscard]] std::vector<Trajectory> trajectories() const;
@@ -197,13 +167,11 @@ class MapPackage {
 
  private:
   MapPackage() = default;
-  template <typename Record>
-  struct Mapping;
   std::filesystem::path folder_;
   MapManifest manifest_;
   std::string digest_;
-  std::map<TileId, std::unique_ptr<Mapping<MapPoint>>> tiles_;
-  std::map<TileId, std::unique_ptr<Mapping<PointHistory>>> histories_;
+  /// Open from the beginning, so that they stay readable when the package is removed or replaced.
+  std::map<TileId, MappedFile> tiles_, histories_;
 };
 
 /// SHA-256 as lower-case hex.

@@ -53,6 +53,7 @@ using GoOn = std::function<bool()>;
 [[nodiscard]] std::size_t cells_per_side(std::size_t tiles, std::size_t most);
 
 /// The cell of its tile that a point relative to the map's origin lies in [m].
-[[nodiscard]] std::size_t cell_of(const TileId& tile, std::size_t cells_per_side, float x, float y);
+[[nodiscard]] std::size_t cell_of(const TileId& tile, std::size_t cells_per_side, double x,
+                                  double y);
 
 }  // namespace stillmap::maps

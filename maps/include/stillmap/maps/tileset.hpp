@@ -4,8 +4,8 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -42,19 +42,15 @@ class Tileset {
   [[nodiscard]] std::string cut_text(TileId id) const;
 
  private:
-  struct Box {
-    std::array<double, 3> min{}, max{};
-    void include(const Box& other);
-  };
   struct Node {
     /// Of all that lies below, down to level 0.
-    Box box;
+    Eigen::AlignedBox3d box;
     std::vector<TileId> children;
   };
   /// @return whether there are any.
   bool adopt_children(TileId id, Node& node);
   [[nodiscard]] double error_m(std::uint32_t level) const;
-  [[nodiscard]] std::string box_text(const Box& box) const;
+  [[nodiscard]] std::string box_text(const Eigen::AlignedBox3d& box) const;
   /// Appends `id` and what lies below it down to the next cut. @param base  leads from the
   /// tileset's folder to that of all tiles.
   void append(std::string& text, TileId id, const std::string& base) const;
