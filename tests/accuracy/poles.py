@@ -9,16 +9,14 @@ slices of 0.25 m of measured points, each at most 0.4 m wide and apart from all 
 is lost when CLEANED has no measured point within 0.1 m. Needs numpy.
 """
 
-import json
 import pathlib
 import sys
 
 import numpy as np
 
-POINT = np.dtype([("position", "<f4", 3), ("intensity", "<f4"), ("observations", "<u2"), ("kind", "u1"),
-                  ("object", "u1")])
-HISTORY = np.dtype([("first_scan", "<u4"), ("last_scan", "<u4"), ("object", "<u4"), ("normal", "i1", 3),
-                    ("planarity", "u1")])
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+from map_package import MapPackage  # noqa: E402
+
 MEASURED, GROUND = 0, 1
 SLICE_M, CELL_M, WIDTH_M, LEAN_M, HEIGHT_M = 0.25, 0.1, 0.4, 0.2, 1.5
 LOWEST_M, HIGHEST_M = 0.3, 6.0
@@ -27,17 +25,22 @@ NEAR_M = 0.1
 
 
 class Package:
+    """Its points, relative to its origin."""
+
     def __init__(self, folder):
-        tiles = sorted(pathlib.Path(folder, "tiles").glob("*.bin"))
-        self.points = np.concatenate([np.fromfile(file, POINT) for file in tiles])
-        self.history = np.concatenate([np.fromfile(file.with_suffix(".history"), HISTORY) for file in tiles])
-        self.origin = json.loads(pathlib.Path(folder, "manifest.json").read_text())["origin"]
+        package = MapPackage(folder)
+        tiles = list(package.tiles())
+        self.origin = list(package.origin)
+        self.position, self.kind, self.first_scan, self.last_scan = (
+            np.concatenate([getattr(tile, name) for tile in tiles])
+            for name in ("position", "kind", "first_scan", "last_scan"))
+        self.position = self.position - package.origin
 
 
 def heights_over_ground(package, positions):
     """NaN where no ground lies within 3 m."""
     ground = {}
-    of_ground = package.points["position"][package.points["kind"] == GROUND]
+    of_ground = package.position[package.kind == GROUND]
     for cell, z in zip(map(tuple, np.floor(of_ground[:, :2]).astype(int)), of_ground[:, 2]):
         ground.setdefault(cell, []).append(z)
     ground = {cell: float(np.median(z)) for cell, z in ground.items()}
@@ -124,8 +127,8 @@ def chains_of(thin):
 
 def poles_of(package):
     """Indices of the points of each pole."""
-    measured = np.flatnonzero(package.points["kind"] == MEASURED)
-    positions = package.points["position"][measured].astype(float)
+    measured = np.flatnonzero(package.kind == MEASURED)
+    positions = package.position[measured]
     heights_m = heights_over_ground(package, positions)
     band = (heights_m > LOWEST_M) & (heights_m < HIGHEST_M)
     measured, positions, heights_m = measured[band], positions[band], heights_m[band]
@@ -133,9 +136,9 @@ def poles_of(package):
     poles = []
     for chain in chains_of(thin):
         indices = np.concatenate([thin[i][2] for i in chain])
-        history = package.history[measured[indices]]
+        seen = measured[indices]
         leans = np.any(np.ptp(positions[indices, :2], axis=0) > WIDTH_M + LEAN_M)
-        if not leans and len(np.union1d(history["first_scan"], history["last_scan"])) >= SCANS:
+        if not leans and len(np.union1d(package.first_scan[seen], package.last_scan[seen])) >= SCANS:
             poles.append(measured[indices])
     return poles
 
@@ -147,7 +150,7 @@ def keys_of(positions):
 
 def lost_of(positions, package):
     """Flags of the positions that no measured point of the package is near to."""
-    measured = package.points["position"][package.points["kind"] <= GROUND].astype(float)
+    measured = package.position[package.kind <= GROUND]
     keys = keys_of(measured)
     order = np.argsort(keys, kind="stable")
     keys, measured = keys[order], measured[order]
@@ -164,7 +167,7 @@ def loss_of(kept, poles, cleaned):
     """Share of the poles' points that are lost, and how many poles lose more than half."""
     if kept.origin != cleaned.origin:
         sys.exit(f"maps with the origins {kept.origin} and {cleaned.origin}: build both from the same poses")
-    lost = lost_of(kept.points["position"][np.concatenate(poles)].astype(float), cleaned)
+    lost = lost_of(kept.position[np.concatenate(poles)], cleaned)
     ends = np.cumsum([len(pole) for pole in poles])
     gone = sum(part.mean() > 0.5 for part in np.split(lost, ends[:-1]))
     return float(lost.mean()), int(gone)

@@ -198,6 +198,15 @@ def make_packages(put):
     objects = json.dumps({"objects": [car]})
     tile = b"".join(struct.pack("<4fHBB", 0.1 * (i % 5), 0.1 * (i // 5), 0.01 * i, 0.5, 3, i % 4, 0) for i in range(30))
     put("map_points", "plane", tile)
+    # Two points, the second tall and of an object, seen by one scan; a region of one tile.
+    columns = [struct.pack("<IIiIII", 2, 1, -1, 1, 1, 1), struct.pack("<2H", 5, 65535), struct.pack("<2H", 7, 8),
+               struct.pack("<2H", 100, 0), struct.pack("<2e", 0.5, 0.25), struct.pack("<2H", 3, 4), bytes([0, 2]),
+               struct.pack("<I", 1), struct.pack("<i", 70000), struct.pack("<I", 1), struct.pack("<I", 9),
+               struct.pack("<6b", 0, 0, 127, 1, 2, 3), bytes([255, 0]), struct.pack("<I", 0), struct.pack("<I", 12),
+               struct.pack("<2H", 0, 0), struct.pack("<2H", 0, 0)]
+    put("tile", "tall", b"\0" + b"".join(column + bytes(-len(column) % 8) for column in columns))
+    put("tile", "region", b"\1smregio1" + struct.pack("<II", 1, 1) + struct.pack("<Q", 200) + bytes(32) +
+        struct.pack("<BBHIQIi4H2i", 3, 4, 0, 2, 96, 104, -1, 5, 7, 65535, 8, 100, 70000) + bytes(32))
     put("map_points", "far", tile[:200] + struct.pack("<4fHBB", 3e5, -2e4, 1e9, 0, 1, 0, 0) + tile[200:])
     history = b"".join(struct.pack("<III3bB", 0, 1, 0, 0, 0, 127, 200) for _ in range(30))
     # Scan 0: 5 kept; scan 1: 2 projected of object 1, 1 dropped.

@@ -28,7 +28,7 @@ CLOUD, ODOMETRY, POSE, TF, IMU, FIX = ("sensor_msgs/msg/PointCloud2", "nav_msgs/
                                        "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix")
 PCD_TYPES = {("F", 4): 7, ("F", 8): 8, ("U", 1): 2, ("U", 2): 4, ("U", 4): 6, ("I", 1): 1, ("I", 2): 3, ("I", 4): 5}
 # What tells a map from another; the sources have names and checksums of their own.
-OF_THE_MAP = ("tiles", "objects.json", "trajectory.tum", "fates.bin")
+OF_THE_MAP = ("regions", "packs", "objects.json", "trajectory.tum", "fates.bin")
 
 
 def run(*words, ok=True):
@@ -259,7 +259,7 @@ def contents_of(map_folder):
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.is_file():
                 files[str(file.relative_to(map_folder))] = file.read_bytes()
-    assert any(name.startswith("tiles/") for name in files)
+    assert any(name.startswith("packs/") for name in files)
     return files
 
 

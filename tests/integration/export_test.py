@@ -16,6 +16,9 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+from map_package import MapPackage  # noqa: E402
+
 PROGRAM, MAP, ORACLES = sys.argv[1:4]
 MEASURED, GROUND, PROJECTED, FILLED = range(4)
 PLACE = (49.0093, 8.4037, 115.0)
@@ -37,12 +40,9 @@ def run(*arguments):
 
 
 def package_points(folder):
-    """x y z (map coordinates) intensity kind of every point, tile by tile in the manifest's order."""
-    manifest = json.loads((pathlib.Path(folder) / "manifest.json").read_text())
-    for tile in manifest["tiles"]:
-        name = f"tiles/{tile['level']}_{tile['x']}_{tile['y']}.bin"
-        for x, y, z, intensity, _, kind, _ in struct.iter_unpack("<4fHBB", (pathlib.Path(folder) / name).read_bytes()):
-            yield [p + o for p, o in zip((x, y, z), manifest["origin"])], intensity, kind
+    """x y z (map coordinates) intensity kind of every point, tile by tile, by x, then y."""
+    for tile in sorted(MapPackage(folder).tiles(), key=lambda tile: (tile.x, tile.y)):
+        yield from ((list(map(float, p)), float(i), int(k)) for p, i, k in zip(tile.position, tile.intensity, tile.kind))
 
 
 def as_float(value):

@@ -11,7 +11,7 @@ import unittest
 
 PROGRAM, MAKE, DRIVE = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
 # What tells a map from another; the sources have names and checksums of their own.
-OF_THE_MAP = ("tiles", "trajectory.tum", "fates.bin")
+OF_THE_MAP = ("regions", "packs", "trajectory.tum", "fates.bin")
 
 
 def run(*words):

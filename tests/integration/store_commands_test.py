@@ -46,7 +46,7 @@ class StoreCommands(unittest.TestCase):
         return self.json("store", "add", self.store, "town", version, MAP, "--activate")
 
     def tile(self, digest):
-        return next((self.store / "packages" / digest / "tiles").iterdir())
+        return next((self.store / "packages" / digest / "packs").iterdir())
 
     def test_a_package_becomes_the_active_version(self):
         added = self.publish()

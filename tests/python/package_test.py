@@ -43,7 +43,7 @@ class Maps(WithFolder):
         np.testing.assert_array_equal(points.xyz, own)
         np.testing.assert_array_equal(points.kind, tiles["kind"])
         np.testing.assert_array_equal(points.observations, tiles["observations"])
-        self.assertEqual(len(points), sum(tile["points"] for tile in opened.manifest["tiles"] if tile["level"] == 0))
+        self.assertEqual(len(points), opened.manifest["counts"]["static"])
 
     def test_neighbouring_boxes_share_no_point_and_leave_none_out(self):
         opened = stillmap.open_map(MAP)

@@ -300,7 +300,8 @@ class NodeTest(unittest.TestCase):
         self.assertEqual(self.heard.health[-1].level, ERROR)
 
     def test_4_an_initial_pose_is_taken_at_the_height_of_the_ground(self):
-        player = self.play(0.2)
+        # Slowly: what one scan was answered must be seen in the diagnostics, which come twice a second.
+        player = self.play(0.08)
         self.heard.wait(lambda: len(self.heard.poses) > 2, "poses")
         last = self.heard.poses[-1]
         wrong = geometry_msgs.msg.PoseWithCovarianceStamped()

@@ -352,10 +352,11 @@ void write_tiles(const Import& import, int threads, const ProgressCallback& prog
         return finished(import.grid, ids[i], import.stack.take(ids[i]), import.ground);
       },
       [&](const TilePoints& tile) {
-        import.writer.add_tile(tile.id, tile.points, tile.history);
-        import.result.counts["static"] += tile.points.size();
-        for (const maps::MapPoint& p : tile.points) {
-          preview.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
+        const maps::MapTile placed = tile.placed(import.grid.origin());
+        import.writer.add_tile(tile.id, placed, tile.history);
+        import.result.counts["static"] += placed.size();
+        for (const maps::MapPoint& p : placed) {
+          preview.add_point(placed.from_origin(p));
           import.result.counts["ground"] += p.kind == maps::PointKind::kGround ? 1 : 0;
         }
         if (progress) progress("tiles", ++done, ids.size());
@@ -456,7 +457,7 @@ MapImportResult import_map(const std::filesystem::path& file, const std::filesys
   MapImportResult result;
   CloudImport cloud(file, options, progress, cancel, result);
   const VoxelGrid grid(cloud.measure(), options.voxel_size_m);
-  maps::MapPackageWriter writer(target);
+  maps::MapPackageWriter writer(target, {}, maps::kPackageSchema);
   const std::filesystem::path scratch = writer.folder() / "scratch";
   {
     TileStack stack(scratch, kMostVoxels);

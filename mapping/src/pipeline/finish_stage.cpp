@@ -141,7 +141,8 @@ class TileWork {
     open.sums = {};
     {
       const StageTimer timer(out.stage_seconds, "consistency");
-      out.consistency.add(surface_cells(surface_points(id, out.tile.points), grid_.voxel_size_m()));
+      out.consistency.add(
+          surface_cells(surface_points(id, out.tile.placed(grid_.origin())), grid_.voxel_size_m()));
     }
     return out;
   }
@@ -161,7 +162,8 @@ class TileWork {
   void fill(FinishedTile& out) const {
     const StageTimer timer(out.stage_seconds, "fill");
     const std::vector<Eigen::Vector3f> filled =
-        fill_ground(out.tile.id, out.tile.points, footprints_, ground_, grid_.voxel_size_m());
+        fill_ground(out.tile.id, out.tile.placed(grid_.origin()).points_from_origin(), footprints_,
+                    ground_, grid_.voxel_size_m());
     for (const Eigen::Vector3f& p : filled) {
       const auto under = std::find_if(footprints_.begin(), footprints_.end(),
                                       [&](const GroundFootprint& footprint) {
@@ -218,16 +220,19 @@ void finish_tiles(Build& build) {
   TopView preview = empty_picture(ids);
   ConsistencySum consistency;
   std::size_t done = 0;
+  std::vector<std::uint32_t> drive_scans;
+  for (const maps::Trajectory& drive : build.drives->trajectories())
+    drive_scans.push_back(static_cast<std::uint32_t>(drive.size()));
+  task.writer.set_drives(std::move(drive_scans));
   for (const char* count : {"cleaned", "filled", "static"}) result.points[count] = 0;
   const auto take = [&](const FinishedTile& finished) {
     consistency.add(finished.consistency);
     add_to(result.points, finished.counts);
     add_to(result.stage_seconds, finished.stage_seconds);
-    const TilePoints& tile = finished.tile;
-    result.points["static"] += tile.points.size();
-    for (const maps::MapPoint& p : tile.points)
-      preview.add_point(Eigen::Vector3f(p.x, p.y, p.z).cast<double>());
-    if (!tile.points.empty()) task.writer.add_tile(tile.id, tile.points, tile.history);
+    const maps::MapTile tile = finished.tile.placed(build.grid->origin());
+    result.points["static"] += tile.size();
+    for (const maps::MapPoint& p : tile) preview.add_point(tile.from_origin(p));
+    if (!tile.empty()) task.writer.add_tile(finished.tile.id, tile, finished.tile.history);
     build.tell("tiles", ++done, ids.size());
   };
   for (auto begin = ids.begin(); begin != ids.end();) {

@@ -38,11 +38,12 @@ Eigen::Vector3f in_tile(maps::TileId tile, const Eigen::Vector3d& p) {
 Eigen::Vector3f in_steps_of_voxel(const VoxelGrid& grid, maps::TileId tile, std::uint64_t voxel,
                                   const Eigen::Vector3d& p) {
   const Eigen::Array3d steps(maps::kTileStepM, maps::kTileStepM, maps::kTileStepZM);
-  const Eigen::Array3d begin = grid.position(tile, voxel, Eigen::Vector3d::Zero());
-  const Eigen::Array3d middle = maps::in_steps(tile, p).cast<double>();
+  const Eigen::Vector3d corner = corner_of(tile);
+  const Eigen::Array3d begin = grid.position(tile, voxel, Eigen::Vector3d::Zero()) - corner;
+  const Eigen::Array3d middle = maps::in_steps(p - corner).cast<double>();
   const Eigen::Array3d below = (middle < begin).cast<double>();
   const Eigen::Array3d above = (middle >= begin + grid.voxel_size_m()).cast<double>();
-  return maps::in_steps(tile, middle + steps * (below - above));
+  return maps::in_steps(middle + steps * (below - above));
 }
 
 maps::MapPoint point_of(const Eigen::Vector3f& p, const VoxelSum& sum) {
@@ -50,7 +51,7 @@ maps::MapPoint point_of(const Eigen::Vector3f& p, const VoxelSum& sum) {
   return {p.x(),
           p.y(),
           p.z(),
-          sum.intensity / static_cast<float>(sum.observations),
+          maps::in_intensity_steps(sum.intensity / static_cast<float>(sum.observations)),
           static_cast<std::uint16_t>(std::min(sum.observations, kMostCounted)),
           kind_of(sum),
           short_number(sum.object)};
@@ -71,6 +72,10 @@ void set_normals(const std::vector<Eigen::Vector3f>& measured,
 }
 
 }  // namespace
+
+maps::MapTile TilePoints::placed(const Eigen::Vector3d& origin) const {
+  return {origin, corner_of(id), points};
+}
 
 Eigen::Vector3d mean_of(const VoxelGrid& grid, maps::TileId tile, const VoxelSum& sum) {
   const Eigen::Vector3d offset =
@@ -117,7 +122,7 @@ TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector
 }
 
 void add_filled(const Eigen::Vector3f& filled, std::uint32_t object, TilePoints& tile) {
-  const Eigen::Vector3f p = maps::in_steps(tile.id, filled.cast<double>());
+  const Eigen::Vector3f p = maps::in_steps(filled.cast<double>() - corner_of(tile.id));
   tile.points.push_back(
       {p.x(), p.y(), p.z(), 0.0F, 0, maps::PointKind::kFilled, short_number(object)});
   tile.history.push_back({0, 0, object, {0, 0, 0}, 0});

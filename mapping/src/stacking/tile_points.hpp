@@ -17,9 +17,17 @@ namespace stillmap::mapping {
 /// A finished tile, as the package holds it.
 struct TilePoints {
   maps::TileId id;
+  /// x, y from the tile's corner, z from the map's origin [m].
   std::vector<maps::MapPoint> points;
   std::vector<maps::PointHistory> history;
+
+  /// @param origin  of the map.
+  [[nodiscard]] maps::MapTile placed(const Eigen::Vector3d& origin) const;
 };
+/// Where a tile begins, from the map's origin [m].
+[[nodiscard]] inline Eigen::Vector3d corner_of(maps::TileId tile) {
+  return {maps::kTileSizeM * tile.x, maps::kTileSizeM * tile.y, 0.0};
+}
 
 /// The mean of a voxel, from the map's origin [m].
 [[nodiscard]] Eigen::Vector3d mean_of(const VoxelGrid& grid, maps::TileId tile,

@@ -7,11 +7,13 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <numeric>
 #include <utility>
 
 #include <stillmap/maps/package_files.hpp>
 #include <stillmap/maps/text.hpp>
 #include "package/objects_json.hpp"
+#include "package/tile_packs.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -83,7 +85,36 @@ MapTile tile_of(TileId id, const Eigen::Vector3d& origin, std::vector<MapPoint> 
   return {origin, corner, std::move(points)};
 }
 
+/// What `parse_manifest` cannot know of a package of schema 2.
+TileEntry entry_of(TileId id, const RegionTile& tile) {
+  const auto along = [](std::int32_t number, std::uint16_t step) {
+    return static_cast<float>(kTileSizeM * number + (step + 0.5) * kTileStepM);
+  };
+  const auto up = [&](std::int32_t step) {
+    return static_cast<float>(tile.z_base_m + (step + 0.5) * kTileStepZM);
+  };
+  return {.id = id,
+          .points = tile.points,
+          .min = {along(id.x, tile.min_xy[0]), along(id.y, tile.min_xy[1]), up(tile.min_z)},
+          .max = {along(id.x, tile.max_xy[0]), along(id.y, tile.max_xy[1]), up(tile.max_z)}};
+}
+
+/// A scan's number over all drives. @throws InputError for one that no drive has.
+std::uint32_t number_of(const SourceScan& scan, const MapManifest& manifest,
+                        const std::string& name) {
+  if (manifest.drive_scans.empty() && scan.source == 0) return scan.scan;
+  if (scan.source >= manifest.drive_scans.size() || scan.scan >= manifest.drive_scans[scan.source])
+    throw InputError(
+        name, "scan " + std::to_string(scan.scan) + " of drive " + std::to_string(scan.source),
+        "one of manifest.json's drive_scans: copy or build the map again");
+  return std::accumulate(manifest.drive_scans.begin(),
+                         manifest.drive_scans.begin() + static_cast<std::ptrdiff_t>(scan.source),
+                         scan.scan);
+}
+
 }  // namespace
+
+MapPackage::~MapPackage() = default;
 
 std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   const fs::path manifest_file = folder / kManifestName;
@@ -98,6 +129,15 @@ std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   package->manifest_ = parse_manifest(text, manifest_file.string());
   package->digest_ = sha256_of(text);
   for (const auto& [path, file] : package->manifest_.files) check_file(folder / path, file);
+  if (package->manifest_.schema > 1) {
+    std::vector<RegionId> regions;
+    for (const auto& [path, listed] : package->manifest_.files)
+      if (const auto region = region_of_path(path)) regions.push_back(*region);
+    package->packs_ = std::make_unique<PackReader>(folder, regions);
+    for (const auto& [id, tile] : package->packs_->tiles())
+      package->manifest_.tiles.push_back(entry_of(id, tile));
+    return package;
+  }
   for (const TileEntry& tile : package->manifest_.tiles) {
     package->tiles_.try_emplace(tile.id, folder / tile_path(tile.id));
     const auto history = package->manifest_.files.find(history_path(tile.id));
@@ -108,19 +148,54 @@ std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   return package;
 }
 
+bool MapPackage::has_tile(TileId id) const {
+  return packs_ ? packs_->find(id) != nullptr : tiles_.contains(id);
+}
+
+bool MapPackage::has_history(TileId id) const {
+  if (packs_) return has_tile(id) && maps::has_history(packs_->bytes(id), packs_->name_of(id));
+  return histories_.contains(id);
+}
+
 MapTile MapPackage::tile(TileId id) const {
+  if (packs_) {
+    if (!has_tile(id)) return {};
+    TileContent content = decode_tile(packs_->bytes(id), packs_->name_of(id), false);
+    return {manifest_.origin,
+            {kTileSizeM * id.x, kTileSizeM * id.y, static_cast<double>(content.z_base_m)},
+            std::move(content.points)};
+  }
   const auto found = tiles_.find(id);
   if (found == tiles_.end()) return {};
   return tile_of(id, manifest_.origin, records_of<MapPoint>(found->second));
 }
 
 std::vector<PointHistory> MapPackage::history(TileId id) const {
+  if (packs_) {
+    if (!has_tile(id)) return {};
+    const std::string name = packs_->name_of(id);
+    std::vector<PointHistory> history;
+    for (const TilePointHistory& each : decode_tile(packs_->bytes(id), name).history)
+      history.push_back({number_of(each.first, manifest_, name),
+                         number_of(each.last, manifest_, name),
+                         each.object,
+                         {each.normal[0], each.normal[1], each.normal[2]},
+                         each.planarity});
+    return history;
+  }
   const auto found = histories_.find(id);
   if (found == histories_.end()) return {};
   return records_of<PointHistory>(found->second);
 }
 
+MapPackage::StoredName MapPackage::stored_name(TileId id) const {
+  if (packs_) return {hex_of(packs_->find(id)->sha256), packs_->name_of(id)};
+  const std::string path = tile_path(id);
+  return {manifest_.files.at(path).sha256, (folder_ / path).string()};
+}
+
 std::span<const std::byte> MapPackage::stored_tile(TileId id) const {
+  if (packs_) return packs_->bytes(id);
   const auto found = tiles_.find(id);
   return found == tiles_.end() ? std::span<const std::byte>{} : found->second.bytes();
 }

@@ -7,11 +7,13 @@
 #include <bit>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
 #include <stillmap/maps/package_files.hpp>
 #include "package/objects_json.hpp"
+#include "package/tile_packs.hpp"
 #include "storage/write_file.hpp"
 
 namespace stillmap::maps {
@@ -38,6 +40,16 @@ TileEntry entry_of(TileId id, std::span<const MapPoint> points) {
   return entry;
 }
 
+/// A scan's drive and its number there. @throws std::invalid_argument for one that no drive has.
+SourceScan scan_of(std::uint32_t number, const std::vector<std::uint32_t>& drive_scans) {
+  if (drive_scans.empty()) return {0, number};
+  SourceScan scan{0, number};
+  while (scan.source < drive_scans.size() && scan.scan >= drive_scans[scan.source])
+    scan.scan -= drive_scans[scan.source++];
+  if (scan.source < drive_scans.size()) return scan;
+  throw std::invalid_argument("scan " + std::to_string(number) + " of no drive");
+}
+
 std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::path& folder,
                                                       const std::string& survivor) {
   std::map<std::string, MapManifest::File> files;
@@ -56,15 +68,24 @@ std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::pat
 
 }  // namespace
 
-MapPackageWriter::MapPackageWriter(const std::filesystem::path& target, std::string survivor)
-    : folder_(target, survivor), survivor_(std::move(survivor)) {
-  std::filesystem::create_directory(folder_.path() / "tiles");
+MapPackageWriter::MapPackageWriter(const std::filesystem::path& target, std::string survivor,
+                                   int schema)
+    : folder_(target, survivor), survivor_(std::move(survivor)), schema_(schema) {
+  if (schema_ > 1) {
+    packs_ = std::make_unique<PackWriter>(folder_.path());
+  } else {
+    std::filesystem::create_directory(folder_.path() / "tiles");
+  }
 }
 
 MapPackageWriter::~MapPackageWriter() = default;
 
 void MapPackageWriter::add_tile(TileId id, std::span<const MapPoint> points,
                                 std::span<const PointHistory> history) {
+  if (packs_) {
+    const Eigen::Vector3d zero = Eigen::Vector3d::Zero();
+    return add_tile(id, MapTile(zero, zero, {points.begin(), points.end()}), history);
+  }
   if (std::any_of(tiles_.begin(), tiles_.end(), [&](const TileEntry& t) { return t.id == id; })) {
     throw std::invalid_argument(tile_path(id) + ": added twice");
   }
@@ -77,6 +98,27 @@ void MapPackageWriter::add_tile(TileId id, std::span<const MapPoint> points,
     write_file(folder_.path() / history_path(id),
                {reinterpret_cast<const char*>(history.data()), history.size_bytes()});
   tiles_.push_back(entry);
+}
+
+void MapPackageWriter::add_tile(TileId id, const MapTile& tile,
+                                std::span<const PointHistory> history) {
+  if (!packs_) return add_tile(id, MapTile(tile).points_from_origin(), history);
+  TileContent content;
+  double lowest_m = std::numeric_limits<double>::infinity();
+  for (const MapPoint& point : tile) lowest_m = std::min(lowest_m, tile.from_origin(point).z());
+  if (!(std::abs(lowest_m) < 1e6))
+    throw std::invalid_argument(tile_path(id) + ": no points, or none that is finite");
+  content.z_base_m = static_cast<std::int32_t>(std::floor(lowest_m));
+  const Eigen::Vector3d corner(kTileSizeM * id.x, kTileSizeM * id.y, content.z_base_m);
+  for (const MapPoint& point : tile)
+    content.points.push_back(moved_to(point, tile.from_origin(point) - corner));
+  for (const PointHistory& each : history)
+    content.history.push_back({scan_of(each.first_scan, drive_scans_),
+                               scan_of(each.last_scan, drive_scans_),
+                               each.object,
+                               {each.normal[0], each.normal[1], each.normal[2]},
+                               each.planarity});
+  packs_->add(id, content);
 }
 
 void MapPackageWriter::add_fates(const ScanFates& fates) {
@@ -107,6 +149,9 @@ void MapPackageWriter::write_places(const std::vector<Eigen::Isometry3d>& T_map_
 
 std::string MapPackageWriter::publish(MapManifest manifest, const std::string& build_json) {
   if (fates_) std::exchange(fates_, nullptr)->finish();
+  manifest.schema = schema_;
+  manifest.drive_scans = drive_scans_;
+  if (packs_) packs_->finish();
   manifest.tiles = tiles_;
   // Tiles may be added in any order; the digest must not tell.
   std::sort(manifest.tiles.begin(), manifest.tiles.end(),

@@ -172,11 +172,15 @@ std::string manifest_text(const MapManifest& manifest) {
             {"options", manifest.options},
             {"counts", manifest.counts},
             {"sources", manifest.sources},
-            {"tiles", json::array()},
             {"files", json::object()}};
   if (manifest.geodetic_origin) root["geodetic_origin"] = to_json(*manifest.geodetic_origin);
   if (manifest.registration) root["registration"] = to_json(*manifest.registration);
-  for (const TileEntry& tile : manifest.tiles) root["tiles"].push_back(to_json(tile));
+  if (manifest.schema == 1) {
+    root["tiles"] = json::array();
+    for (const TileEntry& tile : manifest.tiles) root["tiles"].push_back(to_json(tile));
+  } else {
+    root["drive_scans"] = manifest.drive_scans;
+  }
   for (const auto& [path, file] : manifest.files) {
     root["files"][path] = {{"bytes", file.bytes}, {"sha256", file.sha256}};
   }
@@ -204,8 +208,15 @@ MapManifest parse_manifest(std::string_view text, const std::string& file) {
   root.at("counts").each_member([&](const std::string& key, const JsonField& value) {
     manifest.counts[key] = value.count();
   });
-  root.at("tiles").each(
-      [&](const JsonField& field) { manifest.tiles.push_back(tile_from(field)); });
+  if (manifest.schema == 1) {
+    root.at("tiles").each(
+        [&](const JsonField& field) { manifest.tiles.push_back(tile_from(field)); });
+  } else {
+    root.at("drive_scans").each([&](const JsonField& field) {
+      manifest.drive_scans.push_back(
+          static_cast<std::uint32_t>(field.integer(0, std::numeric_limits<std::uint32_t>::max())));
+    });
+  }
   root.at("files").each_member([&](const std::string& path, const JsonField& field) {
     manifest.files[path] = file_from(path, field);
   });

@@ -47,7 +47,7 @@ struct RegionNode {
   std::vector<RegionTile> tiles;
 };
 
-/// Bytes of a region as maps/tile_bytes.md has them; equal for equal content.
+/// Bytes of a region as maps/package.md has them; equal for equal content.
 /// @throws std::invalid_argument for what `decode_region` would refuse.
 [[nodiscard]] std::vector<std::byte> encode_region(const RegionNode& region);
 

@@ -17,6 +17,9 @@ constexpr std::uint32_t kMostSteps = 65536;
 /// Points higher above the base have their steps in a list of their own.
 constexpr std::int64_t kMostHeightSteps = 65536;
 
+/// 524 km: no float may carry a height out of its 32 bits.
+constexpr std::int32_t kMostTallSteps = 1 << 30;
+
 enum TileFlag : std::uint32_t { kHasHistory = 1, kWideScanNumbers = 2 };
 
 /// The first bytes of a tile.
@@ -77,7 +80,7 @@ std::uint16_t tile_step_of(double value_m) {
 
 std::int32_t height_step_of(double value_m) {
   const double step = std::floor(value_m / kTileStepZM);
-  if (!(std::abs(step) < std::numeric_limits<std::int32_t>::max()))
+  if (!(std::abs(step) <= kMostTallSteps))
     throw std::invalid_argument("a point " + std::to_string(value_m) + " m above its tile's base");
   return static_cast<std::int32_t>(step);
 }
@@ -262,7 +265,12 @@ void read_points(const TileReader& in, const TileHead& head, const Columns& colu
   }
   for_each_listed<std::int32_t>(
       in, columns.tall_index, columns.tall_steps, head.tall, head.points, name,
-      [&](std::uint32_t i, std::int32_t step) { tile.points[i].z = height_of(step); });
+      [&](std::uint32_t i, std::int32_t step) {
+        if (std::abs(static_cast<double>(step)) > kMostTallSteps)
+          throw InputError(name, fmt::format("{} steps of height", step),
+                           fmt::format("at most {}: copy or build the map again", kMostTallSteps));
+        tile.points[i].z = height_of(step);
+      });
   for_each_listed<std::uint32_t>(
       in, columns.object_index, columns.object, head.of_objects, head.points, name,
       [&](std::uint32_t i, std::uint32_t object) { tile.points[i].object = short_object(object); });
@@ -295,16 +303,18 @@ void read_history(const TileReader& in, const TileHead& head, const Columns& col
 
 }  // namespace
 
+bool has_history(std::span<const std::byte> tile, const std::string& name) {
+  return (read_head(tile, name).flags & kHasHistory) != 0;
+}
+
 float in_tile_steps(double value_m) { return middle_of(tile_step_of(value_m)); }
 
 float in_height_steps(double value_m) { return height_of(height_step_of(value_m)); }
 
-Eigen::Vector3f in_steps(TileId tile, const Eigen::Vector3d& p) {
-  const auto along = [](double value, std::int32_t number) {
-    const double corner = kTileSizeM * number;
-    return static_cast<float>(corner + static_cast<double>(in_tile_steps(value - corner)));
-  };
-  return {along(p.x(), tile.x), along(p.y(), tile.y), in_height_steps(p.z())};
+float in_intensity_steps(float intensity) { return static_cast<float>(half_of(intensity)); }
+
+Eigen::Vector3f in_steps(const Eigen::Vector3d& p_tile) {
+  return {in_tile_steps(p_tile.x()), in_tile_steps(p_tile.y()), in_height_steps(p_tile.z())};
 }
 
 std::vector<std::byte> encode_tile(const TileContent& tile) {

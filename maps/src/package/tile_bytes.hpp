@@ -39,10 +39,13 @@ struct TileContent {
   std::vector<TilePointHistory> history;
 };
 
-/// Bytes of a tile as maps/tile_bytes.md has them.
+/// Bytes of a tile as maps/package.md has them.
 /// @throws std::invalid_argument for a tile without points, more than 2^32 - 1, a number that is
 /// not finite, or a history of another size.
 [[nodiscard]] std::vector<std::byte> encode_tile(const TileContent& tile);
+
+/// Whether the bytes of a tile hold histories. @throws InputError as below.
+[[nodiscard]] bool has_history(std::span<const std::byte> tile, const std::string& name);
 
 /// @param name  of the tile, for messages. @param with_history  whether that is wanted, too.
 /// @throws InputError for bytes that are no tile: nothing in them is trusted.

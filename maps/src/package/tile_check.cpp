@@ -11,16 +11,15 @@
 namespace stillmap::maps {
 
 void require_whole_tile(const MapPackage& map, TileId id) {
-  const std::string path = tile_path(id);
   const std::span<const std::byte> bytes = map.stored_tile(id);
-  if (bytes.empty()) throw std::invalid_argument(path + ": no tile of the package");
+  if (bytes.empty()) throw std::invalid_argument(tile_path(id) + ": no tile of the package");
   Sha256 hash;
   hash.add(bytes.data(), bytes.size());
   const std::string found = hash.hex();
-  const std::string& stated = map.manifest().files.at(path).sha256;
+  const auto [stated, file] = map.stored_name(id);
   if (found != stated)
-    throw InputError((map.folder() / path).string(), "SHA-256 " + found,
-                     stated + " as in manifest.json: copy or build the map again");
+    throw InputError(file, "SHA-256 " + found,
+                     stated + " as the package states it: copy or build the map again");
 }
 
 void require_whole_tiles(const MapPackage& map, const DerivedWork& work) {

@@ -7,6 +7,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdio>
 #include <limits>
 #include <stdexcept>
 
@@ -22,12 +25,6 @@ Sha256Bytes sha256_bytes(std::span<const std::byte> bytes) {
   Sha256 hash;
   hash.add(bytes.data(), bytes.size());
   return std::bit_cast<Sha256Bytes>(hash.bytes());
-}
-
-std::string hex_of(const Sha256Bytes& digest) {
-  std::string text;
-  for (const std::byte byte : digest) text += fmt::format("{:02x}", std::to_integer<int>(byte));
-  return text;
 }
 
 std::int32_t region_along(std::int32_t tile) {
@@ -65,6 +62,22 @@ RegionId region_of(TileId tile) { return {region_along(tile.x), region_along(til
 
 std::string region_path(RegionId region) {
   return fmt::format("{}/{}_{}.node", kRegionsFolder, region.x, region.y);
+}
+
+std::optional<RegionId> region_of_path(const std::string& path) {
+  RegionId region;
+  int end = 0;
+  const std::string pattern = std::string(kRegionsFolder) + "/%d_%d.node%n";
+  if (std::sscanf(path.c_str(), pattern.c_str(), &region.x, &region.y, &end) != 2 || end == 0)
+    return std::nullopt;
+  // Spelled in the one way.
+  return region_path(region) == path ? std::optional(region) : std::nullopt;
+}
+
+std::string hex_of(const Sha256Bytes& digest) {
+  std::string text;
+  for (const std::byte byte : digest) text += fmt::format("{:02x}", std::to_integer<int>(byte));
+  return text;
 }
 
 std::string pack_path(const Pack& pack) {
@@ -121,9 +134,10 @@ void PackWriter::add(TileId id, const TileContent& tile) {
 void PackWriter::finish() {
   for (auto& [number, region] : regions_) {
     const std::filesystem::path sorted = region->file.string() + ".sorted";
-    std::sort(region->tiles.begin(), region->tiles.end(), [](const RegionTile& a, const RegionTile& b) {
-      return std::pair(a.x, a.y) < std::pair(b.x, b.y);
-    });
+    std::sort(region->tiles.begin(), region->tiles.end(),
+              [](const RegionTile& a, const RegionTile& b) {
+                return std::pair(a.x, a.y) < std::pair(b.x, b.y);
+              });
     Pack pack{.bytes = region->bytes};
     {
       const MappedFile came(region->file);
@@ -150,31 +164,32 @@ void PackWriter::finish() {
   regions_.clear();
 }
 
-PackReader::PackReader(std::filesystem::path folder, const std::vector<RegionId>& regions)
-    : folder_(std::move(folder)) {
+PackReader::PackReader(const std::filesystem::path& folder, const std::vector<RegionId>& regions) {
   for (const RegionId& number : regions) {
-    const std::filesystem::path file = folder_ / region_path(number);
+    const std::filesystem::path file = folder / region_path(number);
     const std::string bytes = read_text(file);
-    RegionNode node = decode_region(std::as_bytes(std::span(bytes)), file.string());
+    const RegionNode node = decode_region(std::as_bytes(std::span(bytes)), file.string());
+    std::vector<OpenPack>& packs = packs_[number];
     for (const Pack& pack : node.packs) {
-      const std::filesystem::path path = folder_ / pack_path(pack);
+      const std::filesystem::path path = folder / pack_path(pack);
       std::error_code error;
-      const std::uint64_t found = std::filesystem::file_size(path, error);
-      if (error || found != pack.bytes)
-        throw InputError(path.string(), error ? "no file" : fmt::format("{} bytes", found),
+      if (!std::filesystem::is_regular_file(path, error))
+        throw InputError(path.string(), "no file", "a pack: copy or build the map again");
+      packs.push_back({path.string(), std::make_unique<MappedFile>(path)});
+      const std::size_t found = packs.back().file->bytes().size();
+      if (found != pack.bytes)
+        throw InputError(path.string(), fmt::format("{} bytes", found),
                          fmt::format("{}: copy or build the map again", pack.bytes));
     }
-    for (const RegionTile& row : node.tiles)
-      tiles_.push_back(
-          {{.level = 0, .x = kRegionTiles * number.x + row.x, .y = kRegionTiles * number.y + row.y},
-           row});
-    packs_.emplace(number, std::move(node.packs));
+    for (const RegionTile& tile : node.tiles)
+      tiles_.push_back({{.level = 0,
+                         .x = kRegionTiles * number.x + tile.x,
+                         .y = kRegionTiles * number.y + tile.y},
+                        tile});
   }
   std::sort(tiles_.begin(), tiles_.end(),
             [](const auto& a, const auto& b) { return a.first < b.first; });
 }
-
-PackReader::~PackReader() = default;
 
 const RegionTile* PackReader::find(TileId id) const {
   const auto at =
@@ -183,32 +198,20 @@ const RegionTile* PackReader::find(TileId id) const {
   return at == tiles_.end() || at->first != id ? nullptr : &at->second;
 }
 
-const MappedFile& PackReader::mapped(const std::string& pack) const {
-  const std::lock_guard lock(mutex_);
-  std::unique_ptr<MappedFile>& file = mapped_[pack];
-  if (!file) file = std::make_unique<MappedFile>(folder_ / pack);
-  return *file;
+const PackReader::OpenPack& PackReader::pack_of(TileId id, const RegionTile& tile) const {
+  return packs_.at(region_of(id)).at(tile.pack);
 }
 
 std::span<const std::byte> PackReader::bytes(TileId id) const {
-  const RegionTile* const row = find(id);
-  if (row == nullptr) return {};
-  const Pack& pack = packs_.at(region_of(id)).at(row->pack);
-  const std::span<const std::byte> all = mapped(pack_path(pack)).bytes();
-  if (all.size() != pack.bytes)
-    throw InputError((folder_ / pack_path(pack)).string(), fmt::format("{} bytes", all.size()),
-                     fmt::format("{}: copy or build the map again", pack.bytes));
-  return all.subspan(row->offset, row->bytes);
+  const RegionTile* const tile = find(id);
+  if (tile == nullptr) return {};
+  return pack_of(id, *tile).file->bytes().subspan(tile->offset, tile->bytes);
 }
 
-void PackReader::require_whole(TileId id) const {
-  const RegionTile* const row = find(id);
-  if (row == nullptr) throw std::invalid_argument(tile_name(id) + ": no tile of the package");
-  const Sha256Bytes found = sha256_bytes(bytes(id));
-  if (found == row->sha256) return;
-  const std::string pack = pack_path(packs_.at(region_of(id)).at(row->pack));
-  throw InputError((folder_ / pack).string() + ", " + tile_name(id), "SHA-256 " + hex_of(found),
-                   hex_of(row->sha256) + " as in the region's node: copy or build the map again");
+std::string PackReader::name_of(TileId id) const {
+  const RegionTile* const tile = find(id);
+  if (tile == nullptr) throw std::out_of_range(tile_name(id));
+  return pack_of(id, *tile).path + ", " + tile_name(id);
 }
 
 }  // namespace stillmap::maps

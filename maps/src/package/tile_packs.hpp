@@ -7,7 +7,6 @@
 #include <fstream>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -28,6 +27,8 @@ struct RegionId {
 
 /// `regions/X_Y.node`
 [[nodiscard]] std::string region_path(RegionId region);
+/// The region that a path of a package is the node of; nothing for other paths.
+[[nodiscard]] std::optional<RegionId> region_of_path(const std::string& path);
 /// `packs/` and the SHA-256 of the pack as hex.
 [[nodiscard]] std::string pack_path(const Pack& pack);
 
@@ -54,14 +55,14 @@ class PackWriter {
   std::map<RegionId, std::unique_ptr<Region>> regions_;
 };
 
-/// Reads tiles from packs and nodes. Nodes are read when it is opened, packs are mapped when one of
-/// their tiles is asked for. Safe from several threads.
+/// Reads tiles from packs and nodes. All files are opened at once, so that tiles stay readable when
+/// the package is removed; a pack's pages are read when they are touched. Safe from several
+/// threads.
 class PackReader {
  public:
   /// @param regions  that the package lists. @throws InputError for a node that is none or whose
   /// packs are missing or of another size; StorageError.
-  PackReader(std::filesystem::path folder, const std::vector<RegionId>& regions);
-  ~PackReader();
+  PackReader(const std::filesystem::path& folder, const std::vector<RegionId>& regions);
 
   /// Tiles by x, then y, with what is known of them without reading them.
   [[nodiscard]] const std::vector<std::pair<TileId, RegionTile>>& tiles() const { return tiles_; }
@@ -69,18 +70,21 @@ class PackReader {
   [[nodiscard]] const RegionTile* find(TileId id) const;
   /// As they lie in the pack; empty when there is no such tile. Valid as long as this.
   [[nodiscard]] std::span<const std::byte> bytes(TileId id) const;
-  /// @throws InputError naming the pack, what was found and what to do, when the bytes are not
-  /// those of the node; std::invalid_argument when there is no such tile.
-  void require_whole(TileId id) const;
+  /// Name of a tile with its pack, for messages. @throws std::out_of_range for one that is none.
+  [[nodiscard]] std::string name_of(TileId id) const;
 
  private:
-  const MappedFile& mapped(const std::string& pack) const;
+  struct OpenPack {
+    std::string path;
+    std::unique_ptr<MappedFile> file;
+  };
+  [[nodiscard]] const OpenPack& pack_of(TileId id, const RegionTile& tile) const;
 
-  std::filesystem::path folder_;
   std::vector<std::pair<TileId, RegionTile>> tiles_;
-  std::map<RegionId, std::vector<Pack>> packs_;
-  mutable std::mutex mutex_;
-  mutable std::map<std::string, std::unique_ptr<MappedFile>> mapped_;
+  std::map<RegionId, std::vector<OpenPack>> packs_;
 };
+
+/// SHA-256 as lower-case hex.
+[[nodiscard]] std::string hex_of(const Sha256Bytes& digest);
 
 }  // namespace stillmap::maps

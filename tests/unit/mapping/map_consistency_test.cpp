@@ -256,7 +256,8 @@ class DisturbedStreet : public ::testing::Test {
   [[nodiscard]] static MapConsistency consistency(double sigma_m) {
     ConsistencySum sum;
     for (const TilePoints& tile : tiles(sigma_m))
-      sum.add(surface_cells(surface_points(tile.id, tile.points), kVoxelM));
+      sum.add(
+          surface_cells(surface_points(tile.id, tile.placed(Eigen::Vector3d::Zero())), kVoxelM));
     return sum.result();
   }
 };
@@ -285,7 +286,8 @@ TEST_F(DisturbedStreet, IsTheSameInThePackageForAnyNumberOfThreads) {
   for (const TilePoints& tile : tiles(0.02)) {
     writer.add_tile(tile.id, tile.points, tile.history);
     ConsistencySum of_tile;
-    of_tile.add(surface_cells(surface_points(tile.id, tile.points), kVoxelM));
+    of_tile.add(
+        surface_cells(surface_points(tile.id, tile.placed(Eigen::Vector3d::Zero())), kVoxelM));
     sum.add(of_tile);
   }
   maps::MapManifest manifest;

@@ -47,8 +47,10 @@ std::vector<TilePoints> stacked(const VoxelGrid& grid,
 
 std::vector<MapPoint> points_of(const std::vector<TilePoints>& tiles) {
   std::vector<MapPoint> all;
-  for (const TilePoints& tile : tiles)
-    all.insert(all.end(), tile.points.begin(), tile.points.end());
+  for (const TilePoints& tile : tiles) {
+    const auto placed = tile.placed(Eigen::Vector3d::Zero()).points_from_origin();
+    all.insert(all.end(), placed.begin(), placed.end());
+  }
   return all;
 }
 
@@ -72,8 +74,6 @@ TEST(TileStack, KeepsStepsFarFromTheZeroOfTheMap) {
   const MapPoint point = points_of(stacked(grid, {{at(4.0e6 + 3.137, 5.0e5 - 7.219, 1.5)}})).at(0);
   EXPECT_NEAR(static_cast<double>(point.x), 3.137, maps::kTileStepM / 2 + 1e-6);
   EXPECT_NEAR(static_cast<double>(point.y), -7.219, maps::kTileStepM / 2 + 1e-6);
-  EXPECT_EQ(maps::in_steps({0, 0, -1}, Eigen::Vector3d(point.x, point.y, point.z)),
-            Eigen::Vector3f(point.x, point.y, point.z));
 }
 
 TEST(TileStack, PartsVoxelsAtTheirSidesAlsoBelowZero) {
@@ -136,8 +136,8 @@ TEST(TileStack, PutsEveryPointIntoItsTileWhateverTheVoxel) {
     points.push_back(at(5.0 + std::nextafter(20.0, 0.0), -3.0, 1.0));
     for (const TilePoints& tile : stacked(grid, {points})) {
       for (const MapPoint& p : tile.points) {
-        ASSERT_EQ(std::floor(static_cast<double>(p.x) / maps::kTileSizeM), tile.id.x);
-        ASSERT_EQ(std::floor(static_cast<double>(p.y) / maps::kTileSizeM), tile.id.y);
+        ASSERT_TRUE(p.x >= 0.0F && p.x < 20.0F) << p.x;
+        ASSERT_TRUE(p.y >= 0.0F && p.y < 20.0F) << p.y;
       }
     }
   }
@@ -156,10 +156,10 @@ TEST(TilePoints, AreInStepsWithinTheirTile) {
     const auto tiles = stacked(grid, {{at(x, 0.5 * x, 0.01 * x)}});
     ASSERT_EQ(tiles.size(), 1U);
     const MapPoint& p = tiles[0].points.at(0);
-    const Eigen::Vector3d found(p.x, p.y, p.z);
+    EXPECT_EQ(maps::in_steps(Eigen::Vector3d(p.x, p.y, p.z)), Eigen::Vector3f(p.x, p.y, p.z));
+    const Eigen::Vector3d found = tiles[0].placed(Eigen::Vector3d::Zero()).position(p);
     EXPECT_LT((found - Eigen::Vector3d(x, 0.5 * x, 0.01 * x)).norm(), 0.00034);
     EXPECT_EQ(std::floor(found.x() / maps::kTileSizeM), tiles[0].id.x);
-    EXPECT_EQ(maps::in_steps(tiles[0].id, found), found.cast<float>());
   }
 }
 

@@ -319,9 +319,9 @@ TEST(MapPackage, RefusesANewerSchema) {
   write_sample(map, false, "{}");
   const std::string text = text_of(map / "manifest.json");
   put_text(map / "manifest.json",
-           std::regex_replace(text, std::regex(R"("schema": 1)"), R"("schema": 2)"));
+           std::regex_replace(text, std::regex(R"("schema": 1)"), R"("schema": 3)"));
   EXPECT_THAT([&] { (void)MapPackage::open(map); },
-              ThrowsSaying<InputError>({"schema", "2", "newer stillmap"}));
+              ThrowsSaying<InputError>({"schema", "3", "newer stillmap"}));
 }
 
 TEST(MapPackage, RefusesAHostileManifest) {
@@ -378,7 +378,8 @@ TEST(MapPackageWriter, RefusesWhatNoReaderCouldUse) {
   MapPackageWriter writer(folder.path() / "map");
   const std::array<MapPoint, 1> good{point(1, 2, 3)};
   const std::array<MapPoint, 1> bad{point(1, std::numeric_limits<float>::quiet_NaN(), 3)};
-  EXPECT_THAT([&] { writer.add_tile(kNear, {}); }, ThrowsSaying<std::invalid_argument>({"0_0_-1"}));
+  EXPECT_THAT([&] { writer.add_tile(kNear, std::span<const MapPoint>{}); },
+              ThrowsSaying<std::invalid_argument>({"0_0_-1"}));
   EXPECT_THAT([&] { writer.add_tile(kNear, bad); },
               ThrowsSaying<std::invalid_argument>({"not finite"}));
   writer.add_tile(kNear, good);

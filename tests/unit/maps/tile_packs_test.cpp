@@ -16,6 +16,7 @@ namespace tile_packs_test {
 
 namespace fs = std::filesystem;
 using test::ThrowsSaying;
+using ::testing::HasSubstr;
 
 TileContent tile_of(TileId id) {
   std::mt19937 random(static_cast<unsigned>(1000 * id.x + id.y));
@@ -84,7 +85,7 @@ TEST(TilePacks, GiveTilesBack) {
       EXPECT_GE(p.z, row->min_z * kTileStepZM);
       EXPECT_LE(p.z, (row->max_z + 1) * kTileStepZM);
     }
-    EXPECT_NO_THROW(reader.require_whole(id));
+    EXPECT_THAT(reader.name_of(id), HasSubstr(".pack, tile " + std::to_string(id.x)));
   }
   EXPECT_EQ(reader.find({.level = 0, .x = 5, .y = 5}), nullptr);
   EXPECT_TRUE(reader.bytes({.level = 0, .x = 5, .y = 5}).empty());
@@ -115,30 +116,36 @@ TEST(TilePacks, LeaveOtherRegionsAloneWhenATileChanges) {
   EXPECT_EQ(before.size(), after.size() + 2);
 }
 
-TEST(TilePacks, NameWhatIsMissingOrDamaged) {
+TEST(TilePacks, NamePacksThatAreMissingOrOfAnotherSize) {
   const test::TemporaryFolder folder;
   const std::vector<RegionId> regions = write(folder.path(), some_tiles());
-  const TileId id = some_tiles().front();
-  fs::path pack;
+  std::string pack;
   {
     const PackReader reader(folder.path(), regions);
-    const std::string bytes(reinterpret_cast<const char*>(reader.bytes(id).data()), 40);
-    for (const auto& [name, content] : contents(folder.path()))
-      if (content.find(bytes) != std::string::npos) pack = folder.path() / name;
+    const std::string name = reader.name_of(some_tiles().front());
+    pack = name.substr(0, name.find(','));
   }
-  std::fstream file(pack, std::ios::in | std::ios::out | std::ios::binary);
-  file.seekp(60);
-  file.put('\x55');
-  file.close();
-  const PackReader reader(folder.path(), regions);
-  EXPECT_THAT([&] { reader.require_whole(id); },
-              (ThrowsSaying<InputError>({pack.string(), "tile -33, -1", "copy or build"})));
   fs::resize_file(pack, fs::file_size(pack) - 1);
   EXPECT_THAT([&] { const PackReader cut(folder.path(), regions); },
-              (ThrowsSaying<InputError>({pack.string(), "bytes"})));
+              (ThrowsSaying<InputError>({pack, "bytes"})));
   fs::remove(pack);
   EXPECT_THAT([&] { const PackReader gone(folder.path(), regions); },
-              (ThrowsSaying<InputError>({pack.string(), "no file"})));
+              (ThrowsSaying<InputError>({pack, "no file"})));
+}
+
+TEST(TilePacks, StayReadableWhenThePackageIsRemoved) {
+  test::TemporaryFolder folder;
+  const PackReader reader(folder.path(), write(folder.path(), some_tiles()));
+  fs::remove_all(folder.path() / "packs");
+  const TileId id = some_tiles().back();
+  EXPECT_EQ(encode_tile(decode_tile(reader.bytes(id), "tile")), encode_tile(tile_of(id)));
+}
+
+TEST(TilePacks, PathsOfRegionsAreSpelledInOneWay) {
+  EXPECT_EQ(region_of_path("regions/-3_0.node"), (RegionId{-3, 0}));
+  for (const char* path : {"regions/-3_0.nodes", "regions/+3_0.node", "regions/03_0.node",
+                           "regions/3_.node", "region/3_0.node", "regions/3_0", ""})
+    EXPECT_EQ(region_of_path(path), std::nullopt) << path;
 }
 
 TEST(TilePacks, RefuseATileTwiceAndOtherLevels) {

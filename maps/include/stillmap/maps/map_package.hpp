@@ -25,7 +25,8 @@
 
 namespace stillmap::maps {
 
-inline constexpr int kPackageSchema = 1;
+/// 1: a file for each tile, floats relative to the origin. 2: tiles in packs (maps/package.md).
+inline constexpr int kPackageSchema = 2;
 
 struct TileEntry {
   TileId id;
@@ -59,7 +60,7 @@ struct Registration {
 
 /// What the digest covers: everything in manifest.json, thus through SHA-256 every file it lists.
 struct MapManifest {
-  int schema = kPackageSchema;
+  int schema = 1;
   std::string frame_id;
   /// Where the tile grid begins, in the map frame [m].
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
@@ -76,7 +77,10 @@ struct MapManifest {
   std::map<std::string, std::uint64_t> counts;
   /// Inputs with their SHA-256 (scans as one hash over all names and bytes).
   std::map<std::string, std::string> sources;
+  /// Of schema 2 they stand in the nodes of the regions, not in manifest.json.
   std::vector<TileEntry> tiles;
+  /// Schema 2: how many scans each drive has, as tiles number scans by drive. Empty: one drive.
+  std::vector<std::uint32_t> drive_scans;
   struct File {
     std::uint64_t bytes = 0;
     std::string sha256;
@@ -90,6 +94,9 @@ struct MapManifest {
   }
 };
 
+class PackReader;
+class PackWriter;
+
 /// Writes a package beside its final place and publishes it with one rename.
 ///
 /// Nothing is visible at `target` before `publish`; the destructor removes what was not published.
@@ -97,7 +104,9 @@ class MapPackageWriter {
  public:
   /// @param survivor  see `PartialFolder`.
   /// @throws InputError if `target` exists, StorageError if its folder cannot be written.
-  explicit MapPackageWriter(const std::filesystem::path& target, std::string survivor = {});
+  /// @param schema  of the package: 1 or 2.
+  explicit MapPackageWriter(const std::filesystem::path& target, std::string survivor = {},
+                            int schema = 1);
   ~MapPackageWriter();
 
   /// Folder to put further files in (trajectory.tum, objects.json, preview.png, ...); all are
@@ -108,6 +117,11 @@ class MapPackageWriter {
   /// @throws std::invalid_argument if not, or when the tile was added before.
   void add_tile(TileId id, std::span<const MapPoint> points,
                 std::span<const PointHistory> history = {});
+  /// The same of points that count from a corner near them, so that they are exact far from the
+  /// origin, too. Schema 2 puts them in steps.
+  void add_tile(TileId id, const MapTile& tile, std::span<const PointHistory> history = {});
+  /// How many scans each drive has; before the first tile. Schema 2 numbers scans by drive.
+  void set_drives(std::vector<std::uint32_t> scans) { drive_scans_ = std::move(scans); }
   /// What became of the points of the next scan, in the order of the scans.
   void add_fates(const ScanFates& fates);
   /// @param drive  0 for the first or only one.
@@ -125,7 +139,11 @@ class MapPackageWriter {
  private:
   PartialFolder folder_;
   std::string survivor_;
+  int schema_;
+  std::vector<std::uint32_t> drive_scans_;
   std::vector<TileEntry> tiles_;
+  /// Of schema 2.
+  std::unique_ptr<PackWriter> packs_;
   std::unique_ptr<FatesWriter> fates_;
 };
 
@@ -141,16 +159,23 @@ class MapPackage {
   [[nodiscard]] const MapManifest& manifest() const { return manifest_; }
   [[nodiscard]] const std::string& digest() const { return digest_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
-  [[nodiscard]] bool has_tile(TileId id) const { return tiles_.contains(id); }
+  ~MapPackage();
+  [[nodiscard]] bool has_tile(TileId id) const;
   /// Points of a tile; empty when there is none.
   [[nodiscard]] MapTile tile(TileId id) const;
   /// Whether `history` has something for a tile.
-  [[nodiscard]] bool has_history(TileId id) const { return histories_.contains(id); }
+  [[nodiscard]] bool has_history(TileId id) const;
   /// What is known of a tile's points, in their order; empty when the package lists nothing.
   [[nodiscard]] std::vector<PointHistory> history(TileId id) const;
   /// The bytes that the checksum of a tile's file covers; empty when there is none. Valid as long
   /// as the package.
   [[nodiscard]] std::span<const std::byte> stored_tile(TileId id) const;
+  /// That checksum, as lower-case hex, and the name of the file (and of the tile in it).
+  struct StoredName {
+    std::string sha256;
+    std::string file;
+  };
+  [[nodiscard]] StoredName stored_name(TileId id) const;
   /// Poses of the scans of each drive, in the order in which scans are numbered. Empty when the
   /// package lists none. @throws InputError.
   [[nodiscard]] std::vector<Trajectory> trajectories() const;
@@ -172,6 +197,8 @@ class MapPackage {
   std::string digest_;
   /// Open from the beginning, so that they stay readable when the package is removed or replaced.
   std::map<TileId, MappedFile> tiles_, histories_;
+  /// Of schema 2, instead.
+  std::unique_ptr<const PackReader> packs_;
 };
 
 /// SHA-256 as lower-case hex.

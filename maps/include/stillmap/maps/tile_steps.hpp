@@ -18,11 +18,13 @@ inline constexpr double kTileStepZM = 1.0 / 2048.0;
 /// rounding is taken for the first or last step.
 [[nodiscard]] float in_tile_steps(double value_m);
 /// A height above a whole metre [m] -> the middle of its step.
-/// @throws std::invalid_argument beyond 2^31 steps.
+/// @throws std::invalid_argument beyond 2^30 steps.
 [[nodiscard]] float in_height_steps(double value_m);
 
-/// A point of a tile -> the middle of its steps, both from the map's origin [m]. As a float it is
-/// exact within 500 m of the origin.
-[[nodiscard]] Eigen::Vector3f in_steps(TileId tile, const Eigen::Vector3d& p);
+/// An intensity as packages hold it: 11 bits of mantissa, at most 65,504 (IEEE 754 binary16).
+[[nodiscard]] float in_intensity_steps(float intensity);
+
+/// A point -> the middle of its steps: x, y from the tile's corner, z from a whole metre [m].
+[[nodiscard]] Eigen::Vector3f in_steps(const Eigen::Vector3d& p_tile);
 
 }  // namespace stillmap::maps

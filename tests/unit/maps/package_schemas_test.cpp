@@ -1,0 +1,168 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stillmap/maps/content_digest.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/tile_check.hpp>
+#include <stillmap/maps/tile_steps.hpp>
+
+#include <cstdio>
+#include <fstream>
+#include <random>
+
+#include "support/temporary_folder.hpp"
+#include "support/throws.hpp"
+
+namespace stillmap::maps {
+namespace package_schemas_test {
+
+namespace fs = std::filesystem;
+using test::ThrowsSaying;
+using ::testing::ElementsAre;
+
+/// Tiles on both sides of the origin and within 500 m of it, where floats of schema 1 are exact, in
+/// steps, with histories of two drives.
+struct World {
+  std::map<TileId, std::vector<MapPoint>> tiles;
+  std::map<TileId, std::vector<PointHistory>> histories;
+};
+
+World some_world() {
+  World world;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> along(0.0, 20.0), height(-2.0, 50.0);
+  for (const std::int32_t x : {-2, -1, 0, 24}) {
+    const TileId id{.level = 0, .x = x, .y = -x};
+    for (std::uint32_t i = 0; i < 40; ++i) {
+      const Eigen::Vector3f p = in_steps({along(random), along(random), height(random)});
+      const std::uint32_t object = i % 7 == 0 ? 600 + i : 0;
+      world.tiles[id].push_back(
+          {p.x(), p.y(), p.z(), in_intensity_steps(0.1F * static_cast<float>(i)),
+           static_cast<std::uint16_t>(i), static_cast<PointKind>(i % 4),
+           static_cast<std::uint8_t>(object == 0 ? 0 : 1 + (object - 1) % 255)});
+      world.histories[id].push_back({i % 9, 4 + i % 5, object, {1, -120, 40}, 200});
+    }
+  }
+  return world;
+}
+
+std::shared_ptr<const MapPackage> write(const fs::path& target, int schema, const World& world,
+                                        const Eigen::Vector3d& origin = {20.0, -40.0, 3.0}) {
+  MapPackageWriter writer(target, {}, schema);
+  writer.set_drives({4, 5});
+  for (const auto& [id, points] : world.tiles)
+    writer.add_tile(id, MapTile(origin, {kTileSizeM * id.x, kTileSizeM * id.y, 0.0}, points),
+                    world.histories.at(id));
+  MapManifest manifest;
+  manifest.frame_id = "map";
+  manifest.origin = origin;
+  manifest.voxel_size_m = 0.1;
+  writer.publish(manifest, "{}");
+  return MapPackage::open(target);
+}
+
+class PackageSchemas : public ::testing::Test {
+ protected:
+  test::TemporaryFolder folder_;
+  World world_ = some_world();
+  std::shared_ptr<const MapPackage> first_ = write(folder_.path() / "first", 1, world_);
+  std::shared_ptr<const MapPackage> second_ = write(folder_.path() / "second", 2, world_);
+};
+
+TEST_F(PackageSchemas, HoldTheSame) {
+  EXPECT_EQ(first_->manifest().schema, 1);
+  EXPECT_EQ(second_->manifest().schema, 2);
+  EXPECT_EQ(content_digest(*first_), content_digest(*second_));
+  ASSERT_EQ(first_->manifest().tiles.size(), second_->manifest().tiles.size());
+  for (std::size_t i = 0; i < first_->manifest().tiles.size(); ++i) {
+    const TileEntry& one = first_->manifest().tiles[i];
+    const TileEntry& other = second_->manifest().tiles[i];
+    EXPECT_EQ(one.id, other.id);
+    EXPECT_EQ(one.points, other.points);
+    EXPECT_LT((one.from_origin().min() - other.from_origin().min()).norm(), 1e-5);
+    EXPECT_LT((one.from_origin().max() - other.from_origin().max()).norm(), 1e-5);
+    EXPECT_TRUE(second_->has_tile(one.id));
+    EXPECT_TRUE(second_->has_history(one.id));
+    const auto before = first_->history(one.id), after = second_->history(one.id);
+    ASSERT_EQ(before.size(), after.size());
+    for (std::size_t k = 0; k < before.size(); ++k) {
+      EXPECT_EQ(before[k].first_scan, after[k].first_scan);
+      EXPECT_EQ(before[k].last_scan, after[k].last_scan);
+      EXPECT_EQ(before[k].object, after[k].object);
+      EXPECT_EQ(before[k].normal[1], after[k].normal[1]);
+    }
+  }
+  EXPECT_FALSE(second_->has_tile({.level = 0, .x = 7, .y = 7}));
+  EXPECT_TRUE(second_->tile({.level = 0, .x = 7, .y = 7}).empty());
+  EXPECT_FALSE(second_->has_history({.level = 0, .x = 7, .y = 7}));
+}
+
+TEST_F(PackageSchemas, TheSecondIsExactFarFromTheOrigin) {
+  World far;
+  for (auto& [id, points] : world_.tiles) {
+    const TileId moved{.level = 0, .x = id.x + 50'000, .y = id.y - 50'000};
+    far.tiles[moved] = points;
+    far.histories[moved] = world_.histories[id];
+  }
+  const auto map = write(folder_.path() / "far", 2, far);
+  for (const auto& [id, points] : far.tiles) {
+    const MapTile tile = map->tile(id);
+    ASSERT_EQ(tile.size(), points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Eigen::Vector3d expected =
+          Eigen::Vector3d(20.0 + kTileSizeM * id.x, -40.0 + kTileSizeM * id.y, 3.0) +
+          Eigen::Vector3d(points[i].x, points[i].y, points[i].z);
+      EXPECT_LT((tile.position(tile[i]) - expected).norm(), 1e-9);
+    }
+  }
+}
+
+TEST_F(PackageSchemas, DamageIsNamedByTileAndPack) {
+  const TileId id = world_.tiles.begin()->first;
+  const auto [sha256, name] = second_->stored_name(id);
+  const std::string pack = name.substr(0, name.find(','));
+  EXPECT_EQ(sha256_of(std::string(reinterpret_cast<const char*>(second_->stored_tile(id).data()),
+                                  second_->stored_tile(id).size())),
+            sha256);
+  EXPECT_TRUE(second_->verify().empty());
+  EXPECT_NO_THROW(require_whole_tile(*second_, id));
+  std::fstream file(pack, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekp(60);
+  file.put('\x55');
+  file.close();
+  EXPECT_THAT(second_->verify(), ElementsAre("packs/" + fs::path(pack).filename().string()));
+  EXPECT_THAT([&] { require_whole_tile(*second_, id); },
+              (ThrowsSaying<InputError>({pack, "tile -2, 2", "copy or build the map again"})));
+}
+
+TEST_F(PackageSchemas, ScansOfNoDriveAreRefused) {
+  World world = some_world();
+  world.histories.begin()->second[0].last_scan = 9;
+  EXPECT_THROW((void)write(folder_.path() / "beyond", 2, world), std::invalid_argument);
+  std::string text;
+  {
+    std::ifstream file(folder_.path() / "second/manifest.json");
+    text.assign(std::istreambuf_iterator<char>(file), {});
+  }
+  text.replace(text.find("  4,\n"), 4, "  3,");
+  std::ofstream(folder_.path() / "second/manifest.json") << text;
+  const auto map = MapPackage::open(folder_.path() / "second");
+  EXPECT_THAT([&] { (void)map->history(world_.tiles.begin()->first); },
+              (ThrowsSaying<InputError>({"of drive", "drive_scans"})));
+}
+
+TEST_F(PackageSchemas, TilesOfOtherVersionsAreShared) {
+  World world = some_world();
+  world.tiles.rbegin()->second[0].observations += 1;
+  const auto other = write(folder_.path() / "other", 2, world);
+  std::size_t shared = 0;
+  for (const auto& [path, file] : second_->manifest().files) {
+    const auto same = other->manifest().files.find(path);
+    shared += same != other->manifest().files.end() && same->second.sha256 == file.sha256 ? 1 : 0;
+  }
+  // Three regions of a node and a pack each; one of them has changed.
+  EXPECT_EQ(second_->manifest().files.size(), shared + 2);
+}
+
+}  // namespace package_schemas_test
+}  // namespace stillmap::maps
