@@ -104,7 +104,7 @@ class CloudImport {
     if (summary.points_in_file == summary.non_finite + summary.withheld)
       throw maps::InputError(file_.string(), "no point that is finite", "at least one");
     if (summary.single_precision) check_precision(bounds);
-    const Eigen::Vector3d middle = map_origin_near(0.5 * (bounds.min + bounds.max));
+    Eigen::Vector3d middle = map_origin_near(0.5 * (bounds.min + bounds.max));
     if (autoware_)
       find_frame_of_autoware(middle);
     else

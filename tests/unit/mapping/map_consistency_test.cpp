@@ -281,10 +281,10 @@ TEST_F(DisturbedStreet, HasThickerWallsAndGroundAndAHigherEntropy) {
 
 TEST_F(DisturbedStreet, IsTheSameInThePackageForAnyNumberOfThreads) {
   const test::TemporaryFolder folder;
-  maps::MapPackageWriter writer(folder.path() / "map");
+  maps::MapPackageWriter writer(folder.path() / "map", {}, maps::kPackageSchema);
   ConsistencySum sum;
   for (const TilePoints& tile : tiles(0.02)) {
-    writer.add_tile(tile.id, tile.points, tile.history);
+    writer.add_tile(tile.id, tile.placed(Eigen::Vector3d::Zero()), tile.history);
     ConsistencySum of_tile;
     of_tile.add(
         surface_cells(surface_points(tile.id, tile.placed(Eigen::Vector3d::Zero())), kVoxelM));
