@@ -7,10 +7,6 @@
 
 namespace stillmap::maps {
 
-bool is_ros_cloud(std::string_view type) {
-  return cloud_type(ros2_type(std::string(type))) != nullptr;
-}
-
 RosCloud decode_ros_cloud(std::string_view type, RosVersion ros, std::span<const std::byte> message,
                           const std::string& name) {
   const CloudType* const clouds = cloud_type(ros2_type(std::string(type)));

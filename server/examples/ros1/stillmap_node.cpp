@@ -1,4 +1,4 @@
-// A node of ROS 1 that localizes a vehicle by a stillmap server: see README.md beside it.
+// A node of ROS 1 that localizes a vehicle by a stillmap server: see ../README.md.
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>

@@ -25,7 +25,6 @@ TEST(RosCloud, IsReadAsEitherRosSendsIt) {
   for (const auto& [type, ros, kind] :
        {std::tuple("sensor_msgs/PointCloud2", RosVersion::kRos1, Kind::kRos1),
         std::tuple("sensor_msgs/msg/PointCloud2", RosVersion::kRos2, Kind::kLittleEndian)}) {
-    EXPECT_TRUE(is_ros_cloud(type));
     const std::string bytes = cloud_of_one(kind);
     const RosCloud cloud = decode_ros_cloud(type, ros, test::as_bytes(bytes), "/points");
     EXPECT_EQ(cloud.stamp_ns, 1'700'000'000'123'456'789);
@@ -36,7 +35,6 @@ TEST(RosCloud, IsReadAsEitherRosSendsIt) {
 
 TEST(RosCloud, RefusesOtherTypesAndWhatIsCutByTheNameOfTheTopic) {
   const std::string bytes = cloud_of_one(Kind::kRos1);
-  EXPECT_FALSE(is_ros_cloud("sensor_msgs/Image"));
   const auto decode = [](const char* type, const std::string& message) {
     return decode_ros_cloud(type, RosVersion::kRos1, test::as_bytes(message), "/points");
   };

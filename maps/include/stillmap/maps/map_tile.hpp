@@ -36,8 +36,8 @@ struct MapPoint {
 };
 static_assert(sizeof(MapPoint) == 20);
 
-/// More about a map point, which queries do not need: in a file beside the tile (little endian, 16
-/// bytes).
+/// More about a map point, which queries do not need. In packages of schema 1 it lies like this in
+/// a file beside the tile (little endian, 16 bytes).
 struct PointHistory {
   /// Ordinals of the first and the last scan that saw it, over all drives of the map.
   std::uint32_t first_scan, last_scan;

@@ -21,11 +21,9 @@ struct RosCloud {
   DecodedScan scan;
 };
 
-/// Whether a type of message holds scans, by its name in ROS 1 or 2: `sensor_msgs/PointCloud2`,
-/// the `CustomMsg` of Livox' drivers, `velodyne_msgs/VelodyneScan`.
-[[nodiscard]] bool is_ros_cloud(std::string_view type);
-
 /// Decodes a message as bags are read: fields of any order and type, times of points in any unit.
+/// @param type  in ROS 1 or 2: `sensor_msgs/PointCloud2`, the `CustomMsg` of Livox' drivers,
+/// `velodyne_msgs/VelodyneScan`.
 /// @param message  as ROS sent it, without a length before it.
 /// @param name  for messages of errors, such as the topic.
 /// @throws InputError for another type or a message that cannot be read.
