@@ -224,20 +224,26 @@ TileHead read_head(std::span<const std::byte> bytes, const std::string& name) {
   return head;
 }
 
-/// Calls `set(index, number)` for each row of a list. @throws InputError if an index is not above
-/// the one before, or beyond the points.
+/// Two columns that say something of some points only: which, and what.
+struct Listed {
+  std::uint64_t indices = 0;
+  std::uint64_t numbers = 0;
+  std::uint32_t rows = 0;
+};
+
+/// Calls `set(index, number)` for each row. @throws InputError if an index is not above the one
+/// before, or beyond the points.
 template <typename Number, typename Set>
-void for_each_listed(const TileReader& in, std::uint64_t indices, std::uint64_t numbers,
-                     std::uint32_t rows, std::size_t points, const std::string& name,
-                     const Set& set) {
+void for_each_listed(const TileReader& in, const Listed& listed, std::size_t points,
+                     const std::string& name, const Set& set) {
   std::int64_t before = -1;
-  for (std::uint32_t row = 0; row < rows; ++row) {
-    const auto index = in.at<std::uint32_t>(indices, row);
+  for (std::uint32_t row = 0; row < listed.rows; ++row) {
+    const auto index = in.at<std::uint32_t>(listed.indices, row);
     if (index >= points || index <= before)
       throw InputError(name, fmt::format("index {} after {} of {} points", index, before, points),
                        "ascending ones: copy or build the map again");
     before = index;
-    set(index, in.at<Number>(numbers, row));
+    set(index, in.at<Number>(listed.numbers, row));
   }
 }
 
@@ -264,7 +270,7 @@ void read_points(const TileReader& in, const TileHead& head, const Columns& colu
     p.kind = static_cast<PointKind>(kind);
   }
   for_each_listed<std::int32_t>(
-      in, columns.tall_index, columns.tall_steps, head.tall, head.points, name,
+      in, {columns.tall_index, columns.tall_steps, head.tall}, head.points, name,
       [&](std::uint32_t i, std::int32_t step) {
         if (std::abs(static_cast<double>(step)) > kMostTallSteps)
           throw InputError(name, fmt::format("{} steps of height", step),
@@ -272,7 +278,7 @@ void read_points(const TileReader& in, const TileHead& head, const Columns& colu
         tile.points[i].z = height_of(step);
       });
   for_each_listed<std::uint32_t>(
-      in, columns.object_index, columns.object, head.of_objects, head.points, name,
+      in, {columns.object_index, columns.object, head.of_objects}, head.points, name,
       [&](std::uint32_t i, std::uint32_t object) { tile.points[i].object = short_object(object); });
 }
 
@@ -297,7 +303,7 @@ void read_history(const TileReader& in, const TileHead& head, const Columns& col
     each.planarity = in.at<std::uint8_t>(columns.planarity, i);
   }
   for_each_listed<std::uint32_t>(
-      in, columns.object_index, columns.object, head.of_objects, head.points, name,
+      in, {columns.object_index, columns.object, head.of_objects}, head.points, name,
       [&](std::uint32_t i, std::uint32_t object) { tile.history[i].object = object; });
 }
 
