@@ -1,4 +1,4 @@
-// The index file of a map: patches to a whole one. The lowest bit of the first byte says that its
+// A region of a map's index: patches to a whole one. The lowest bit of the first byte says that its
 // checksums are left as they are, the others that a scan is aligned with a prior (1) or without one
 // (2), which takes 50 to 200 ms, and any others that its points are looked up alone; then 3 bytes
 // say where, one how many bytes (1 to 8), and these follow.
@@ -6,6 +6,8 @@
 #include "fuzz_target.hpp"
 #include "index/index_file.hpp"
 #include "index/index_format.hpp"
+#include "index/index_grid.hpp"
+#include "index/map_level.hpp"
 #include "support/synthetic_world.hpp"
 
 #include <stillmap/localization/aligner.hpp>
@@ -48,6 +50,7 @@ struct Sample {
   std::shared_ptr<const maps::MapPackage> package;
   std::filesystem::path file;
   std::string index;
+  localization::IndexKey key{"", kOptions};
   maps::PointCloud scan;
 
   Sample() {
@@ -56,10 +59,16 @@ struct Sample {
     writer.add_tile({}, all);
     writer.publish({}, "{}");
     package = maps::MapPackage::open(fuzz::folder().path() / "map");
-    file = localization::MapIndex::open(*package, kOptions)->file();
+    static_cast<void>(localization::MapIndex::open(*package, kOptions));
+    file = localization::region_file_of(package->folder(), kOptions, {});
     const maps::MappedFile mapped(file);
     const auto bytes = mapped.bytes();
     index.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    const auto about =
+        maps::SectionTable(bytes, bytes.size(), localization::index_format::kRegionFile, "sample")
+            .header()
+            .read_about<localization::index_format::About>();
+    key.source.assign(about.source.begin(), about.source.end());
     for (std::size_t i = 0; i < all.size(); i += 7)
       scan.positions.emplace_back(all[i].x - 2.0F, all[i].y - 1.5F, all[i].z - 1.0F);
   }
@@ -101,27 +110,37 @@ void mend_checksums(std::string& index) {
 }
 
 /// Every voxel that is found lies in the file; which, is the file's word.
-void look_up(const localization::IndexView& view, const maps::PointCloud& scan) {
+void look_up(const localization::RegionView& view, const maps::PointCloud& scan) {
   localization::PointColumns columns(scan.size());
+  std::vector<localization::MapIndex::Level> levels;
+  for (std::size_t k = 0; k < view.levels.size(); ++k) {
+    const double edge_m = localization::edge_of_level(kOptions, k);
+    levels.push_back(
+        {static_cast<float>(edge_m),
+         {{&view.levels[k], 1}, localization::tile_shift_of(edge_m), static_cast<float>(edge_m)}});
+  }
   for (std::size_t i = 0; i < scan.size(); ++i) {
     const Eigen::Vector3f p = 1.5F * scan.positions[i] + Eigen::Vector3f(2.0F, 1.5F, 1.0F);
     columns.set(i, p);
-    for (const localization::MapIndex::Level& level : view.levels) {
-      const auto nearest = level.nearest(p, 0.01F);
+    for (std::size_t k = 0; k < levels.size(); ++k) {
+      const auto nearest = levels[k].nearest(p, 0.01F);
       if (nearest.voxel == nullptr) continue;
-      fuzz::require(nearest.voxel >= level.voxels.data() &&
-                        nearest.voxel < level.voxels.data() + level.voxels.size(),
+      const auto voxels = view.levels[k].voxels;
+      fuzz::require(nearest.voxel >= voxels.data() && nearest.voxel < voxels.data() + voxels.size(),
                     "a voxel of the file");
     }
   }
-  for (const localization::CellBits& grid : view.place_grids)
+  for (std::size_t k = 0; k < view.place_grids.size(); ++k) {
+    localization::CellBits::Part middle = view.place_grids[k];
+    middle.x = middle.y = 1;
+    const localization::CellBits grid(localization::kPlaceGrids[k].edge_m, {&middle, 1});
     static_cast<void>(grid.hits(columns, Eigen::Vector3f::Zero()));
+  }
 }
 
 void align(const Sample& sample, std::string_view bytes, bool with_prior) {
   fuzz::put(sample.file, bytes);
   const auto index = localization::MapIndex::open(*sample.package, kOptions);
-  fuzz::require(index->rebuilt_because().empty(), "what one reader takes the other does too");
   localization::Prior prior;
   prior.T_map_lidar.translation() = Eigen::Vector3d(2.1, 1.4, 1.0);
   // Any answer will do, but none from outside the file.
@@ -139,9 +158,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if ((data[0] & 1U) == 0) mend_checksums(bytes);
   std::vector<localization::CacheLine> lines(bytes.size() / sizeof(localization::CacheLine));
   std::memcpy(lines.data(), bytes.data(), lines.size() * sizeof(localization::CacheLine));
-  const localization::IndexKey key{sample.package->digest(), kOptions};
-  const auto view = fuzz::taken<maps::InputError>(
-      [&] { return localization::view_of(std::as_bytes(std::span(lines)), key, "fuzz"); });
+  const auto view = fuzz::taken<maps::InputError>([&] {
+    return localization::region_view(std::as_bytes(std::span(lines)), sample.key, "fuzz");
+  });
   // A broken one is not opened: it would be built anew, which is slow and another path.
   if (!view) return 0;
   look_up(*view, sample.scan);

@@ -29,7 +29,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       fuzz::taken<maps::InputError>([&] { return localization::MapIndex::build(*package); });
   if (!index) return 0;
   fuzz::require((*index)->voxel_count() > 0, "an index holds something");
-  fuzz::require((*index)->origin().allFinite() && (*index)->extent().allFinite(),
+  fuzz::require((*index)->bounds().min().allFinite() && (*index)->bounds().max().allFinite(),
                 "an index has finite bounds");
   (*index)->verify();
   return 0;

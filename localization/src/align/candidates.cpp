@@ -49,11 +49,10 @@ void sort_by_score(std::vector<Candidate>& candidates) {
 }
 
 /// Whether the prior's covariance admits a place, up to what refining on the finest level leaves.
-bool admits(const Search& search, const Eigen::Isometry3d& T_index_lidar) {
+bool admits(const Search& search, const Candidate& candidate) {
   if (search.prior == nullptr || !search.prior->covariance) return true;
   AlignmentResult there;
-  there.T_map_lidar = T_index_lidar;
-  there.T_map_lidar.translation() += search.index.origin();
+  there.T_map_lidar = candidate.T_map_lidar();
   there.covariance = kRefinedVariance.asDiagonal();
   return !contradicts(*search.prior, there);
 }
@@ -61,9 +60,9 @@ bool admits(const Search& search, const Eigen::Isometry3d& T_index_lidar) {
 /// Whether the scan fits as well a little farther along the direction that holds it least: what
 /// repeats itself every metre or two leads the coarser levels between two repeats.
 /// @param H  at the pose.
-bool repeats_itself(const Search& search, const Eigen::Isometry3d& T_index_lidar,
-                    const Matrix6d& H) {
-  const std::span<const MapIndex::Level> levels = search.index.levels();
+bool repeats_itself(const Search& search, const Candidate& found, const Matrix6d& H) {
+  const std::span<const MapIndex::Level> levels = found.window->levels();
+  const Eigen::Isometry3d& T_index_lidar = found.T_index_lidar;
   const maps::SymmetricEigen<3> eigen = maps::eigen_of(Eigen::Matrix3d(H.topLeftCorner<3, 3>()));
   const Eigen::Vector3d along = eigen.vectors.col(0);
   const std::size_t stride = std::max<std::size_t>(1, search.query.points.size() / kRepeatPoints);
@@ -76,21 +75,21 @@ bool repeats_itself(const Search& search, const Eigen::Isometry3d& T_index_lidar
   const double least = kRepeatShare * score(T_index_lidar);
   std::vector<Candidate> alike;
   for (const double way : {-1.0, 1.0}) {
-    Candidate best{T_index_lidar, least};
+    Candidate best{T_index_lidar, least, found.window};
     for (double off_m = kDistinctM; off_m <= reach_m; off_m += kRepeatStepM) {
       const Eigen::Isometry3d T = T_index_lidar * Eigen::Translation3d(way * off_m * along);
-      if (const double here = score(T); here > best.score) best = {T, here};
+      if (const double here = score(T); here > best.score) best = {T, here, found.window};
     }
     if (best.score > least) alike.push_back(best);
   }
   if (alike.empty()) return false;
   int uncounted = 0;
-  Candidate own{T_index_lidar};
+  Candidate own{T_index_lidar, 0.0, found.window};
   refine_fine(levels, search.query, own, uncounted);
   return std::any_of(alike.begin(), alike.end(), [&](Candidate& other) {
     refine_fine(levels, search.query, other, uncounted);
     return other.score > search.options.verdict.ambiguous_share * own.score &&
-           admits(search, other.T_index_lidar) && distinct(other.T_index_lidar, T_index_lidar);
+           admits(search, other) && distinct(other.T_index_lidar, T_index_lidar);
   });
 }
 
@@ -98,26 +97,28 @@ bool repeats_itself(const Search& search, const Eigen::Isometry3d& T_index_lidar
 
 std::vector<Candidate> rank_candidates(Search& search,
                                        const std::vector<Eigen::Isometry3d>& starts) {
-  const std::span<const MapIndex::Level> levels = search.index.levels();
   std::vector<Candidate> refined;
   for (const Eigen::Isometry3d& T_map_lidar : starts) {
     // A prior is a rotation but for its last digits, a place found with floats but for a few more;
     // where nothing moves the pose it would be answered as it came.
-    Eigen::Isometry3d T_index_lidar = maps::renormalized(T_map_lidar);
-    T_index_lidar.translation() -= search.index.origin();
-    refined.push_back(refine_coarse(levels, search.query, T_index_lidar, search.steps));
+    const auto window = search.index.around(T_map_lidar.translation());
+    refined.push_back(refine_coarse(window->levels(), search.query,
+                                    window->from_map(maps::renormalized(T_map_lidar)),
+                                    search.steps));
+    refined.back().window = window;
   }
   sort_by_score(refined);
   std::vector<Candidate> apart;
   for (const Candidate& candidate : refined) {
     const bool rivals = candidate.score >= kRivalShare * refined.front().score;
     const bool known = std::any_of(apart.begin(), apart.end(), [&](const Candidate& other) {
-      return !distinct(candidate.T_index_lidar, other.T_index_lidar);
+      return !distinct(candidate.T_map_lidar(), other.T_map_lidar());
     });
     if (rivals && !known) apart.push_back(candidate);
   }
   if (apart.size() > 1) {
-    for (Candidate& candidate : apart) refine_fine(levels, search.query, candidate, search.steps);
+    for (Candidate& candidate : apart)
+      refine_fine(candidate.window->levels(), search.query, candidate, search.steps);
     sort_by_score(apart);
   }
   return apart;
@@ -127,8 +128,8 @@ void rank_deskewed(Search& search, std::vector<Candidate>& candidates) {
   if (candidates.size() < 2 || !has_times(search.query)) return;
   for (Candidate& candidate : candidates) {
     Query deskewed = search.query;
-    (void)deskew(search.index.levels(), deskewed, candidate.T_index_lidar);
-    refine_fine(search.index.levels(), deskewed, candidate, search.steps);
+    (void)deskew(candidate.window->levels(), deskewed, candidate.T_index_lidar);
+    refine_fine(candidate.window->levels(), deskewed, candidate, search.steps);
   }
   sort_by_score(candidates);
 }
@@ -136,7 +137,7 @@ void rank_deskewed(Search& search, std::vector<Candidate>& candidates) {
 void put_admitted_first(const Search& search, std::vector<Candidate>& candidates) {
   const double least = search.options.verdict.ambiguous_share * candidates.front().score;
   std::stable_partition(candidates.begin(), candidates.end(), [&](const Candidate& candidate) {
-    return candidate.score > least && admits(search, candidate.T_index_lidar);
+    return candidate.score > least && admits(search, candidate);
   });
 }
 
@@ -146,11 +147,11 @@ bool is_ambiguous(const Search& search, const std::vector<Candidate>& candidates
   const bool rival =
       std::any_of(candidates.begin() + 1, candidates.end(), [&](const Candidate& other) {
         return other.score > search.options.verdict.ambiguous_share * best.score &&
-               admits(search, other.T_index_lidar) &&
-               is_elsewhere(other.T_index_lidar, best.T_index_lidar, degenerate);
+               admits(search, other) &&
+               is_elsewhere(other.T_map_lidar(), best.T_map_lidar(), degenerate);
       });
   if (rival) return true;
-  return degenerate.empty() && repeats_itself(search, best.T_index_lidar, rows.sums.H);
+  return degenerate.empty() && repeats_itself(search, best, rows.sums.H);
 }
 
 std::optional<PriorReach> reach_of(const Prior& prior) {

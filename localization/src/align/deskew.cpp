@@ -106,7 +106,7 @@ class Sweep {
           if (voxel == nullptr) return;
           const auto add = [&](const Eigen::Vector3f& axis, float variance_m2) {
             const auto [residual_m, J_pose] =
-                axis_residual(axis.cast<double>(), voxel->mean.cast<double>(), T_index_lidar,
+                axis_residual(axis.cast<double>(), nearest.mean.cast<double>(), T_index_lidar,
                               at_stamp_.positions[i].cast<double>());
             Vector12d J;
             J << J_pose, static_cast<double>(raw_.time_offsets_s[i]) * J_pose;

@@ -75,7 +75,7 @@ void LocalMap::add(std::span<const Eigen::Vector3f> points_lidar,
 
 std::size_t LocalMap::voxel_count() const {
   std::size_t count = 0;
-  for (const MapIndex::Level& level : state_->voxels.levels()) count += level.voxels.size();
+  for (const MapIndex::Level& level : state_->voxels.levels()) count += level.cells.voxel_count();
   return count;
 }
 

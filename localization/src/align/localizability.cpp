@@ -1,6 +1,8 @@
 #include <stillmap/localization/localizability.hpp>
 #include <stillmap/maps/small_matrices.hpp>
 
+#include "index/index_grid.hpp"
+#include "index/index_window.hpp"
 #include "index/map_level.hpp"
 #include "noise_information.hpp"
 #include "registration.hpp"
@@ -108,13 +110,26 @@ double sensor_height_m(const maps::MapPackage& map, const GroundHeights& ground)
   return *middle;
 }
 
-/// Voxels that tell something of a horizontal place, found by squares.
+/// A voxel, and where it lies in the window.
+struct PlacedVoxel {
+  const Voxel* voxel = nullptr;
+  Eigen::Vector3f mean = Eigen::Vector3f::Zero();
+};
+
+/// Voxels around a region that tell something of a horizontal place, found by squares.
 class TellingVoxels {
  public:
+  /// @param level  of a region's window.
   explicit TellingVoxels(const MapIndex::Level& level) {
-    for (const Voxel& voxel : level.voxels)
-      if (voxel.sharp_axes > 0 && std::abs(voxel.axis0.z()) < kUprightCosine)
-        squares_[{square_of(voxel.mean.x()), square_of(voxel.mean.y())}].push_back(&voxel);
+    const int reach = static_cast<int>(std::ceil(kRangeM / static_cast<double>(level.edge_m)));
+    const int side = cells_of_region(static_cast<double>(level.edge_m));
+    level.cells.for_each_near(
+        Eigen::Array2i::Constant(-reach), Eigen::Array2i::Constant(side + reach),
+        [&](const Eigen::Array3i& /*cell*/, const Voxel& voxel, const CellBlocks::TileView& tile) {
+          if (voxel.sharp_axes <= 0 || !(std::abs(voxel.axis0.z()) < kUprightCosine)) return;
+          const Eigen::Vector3f mean = voxel.mean + tile.corner;
+          squares_[{square_of(mean.x()), square_of(mean.y())}].push_back({&voxel, mean});
+        });
   }
 
   template <typename Take>
@@ -125,7 +140,7 @@ class TellingVoxels {
     for (int column = x - reach; column <= x + reach; ++column) {
       const auto end = squares_.upper_bound({column, y + reach});
       for (auto each = squares_.lower_bound({column, y - reach}); each != end; ++each)
-        for (const Voxel* voxel : each->second) take(*voxel);
+        for (const PlacedVoxel& placed : each->second) take(placed);
     }
   }
 
@@ -134,7 +149,7 @@ class TellingVoxels {
   /// What lies flatter says next to nothing of where one is along the ground.
   static constexpr float kUprightCosine = 0.9F;
   static int square_of(float x) { return static_cast<int>(std::floor(x / kSquareM)); }
-  std::map<std::pair<int, int>, std::vector<const Voxel*>> squares_;
+  std::map<std::pair<int, int>, std::vector<PlacedVoxel>> squares_;
 };
 
 /// A voxel as a sensor sees it.
@@ -154,11 +169,12 @@ std::size_t sector_of(double azimuth_rad) {
 /// What is in reach of a sensor, without what the nearest walls hide.
 class View {
  public:
-  /// @param p  of the sensor, relative to the index's origin.
+  /// @param p  of the sensor, relative to the window's origin.
   void look(const TellingVoxels& voxels, const Eigen::Vector3d& p) {
     sights_.clear();
     nearest_m_.fill(std::numeric_limits<double>::infinity());
-    voxels.near(p, [&](const Voxel& voxel) { add(voxel, voxel.mean.cast<double>() - p); });
+    voxels.near(
+        p, [&](const PlacedVoxel& placed) { add(*placed.voxel, placed.mean.cast<double>() - p); });
     std::erase_if(sights_, [&](const Sight& sight) {
       return sight.range_m > nearest_m_[sight.sector] + 1.5 * static_cast<double>(kEdgeM);
     });
@@ -250,8 +266,8 @@ Told told_by(const std::vector<Sight>& sights) {
   return result;
 }
 
-const MapIndex::Level& level_of(const MapIndex& index) {
-  return *std::min_element(index.levels().begin(), index.levels().end(),
+const MapIndex::Level& level_of(const IndexWindow& window) {
+  return *std::min_element(window.levels().begin(), window.levels().end(),
                            [](const MapIndex::Level& a, const MapIndex::Level& b) {
                              return std::abs(a.edge_m - kEdgeM) < std::abs(b.edge_m - kEdgeM);
                            });
@@ -271,26 +287,35 @@ std::optional<maps::TileLayer> localizability_of(const maps::MapPackage& map, co
   GroundHeights ground(map);
   if (!ground.read(go_on)) return std::nullopt;
   const double height_m = sensor_height_m(map, ground);
-  const TellingVoxels voxels(level_of(index));
-  const Eigen::Vector3d offset = map.manifest().origin - index.origin();
   maps::TileLayer layer{.cells_per_side = ground.side(), .tiles = ground.tiles(), .bands = {}};
   const std::vector<float> none(ground.values().size(), kNone);
   layer.bands = {{.name = "height", .unit = "m", .values = ground.values()},
                  {.name = "localizability", .unit = "", .values = none},
                  {.name = "weak_direction", .unit = "rad", .values = none}};
+  // Region by region, so that the voxels of one alone are at hand.
+  std::map<maps::RegionId, std::vector<std::size_t>> tiles_of_region;
+  for (std::size_t tile = 0; tile < layer.tiles.size(); ++tile)
+    tiles_of_region[maps::region_of(layer.tiles[tile])].push_back(tile);
   View view;
-  for (std::size_t at = 0; at < none.size(); ++at) {
-    const std::size_t cell = at % layer.cells_per_tile();
-    if (cell == 0 && go_on && !go_on()) return std::nullopt;
-    const float floor = ground.values()[at];
-    if (std::isnan(floor)) continue;
-    Eigen::Vector3d sensor;
-    sensor << middle_of(layer.tiles[at / layer.cells_per_tile()], cell, ground.side()),
-        static_cast<double>(floor) + height_m;
-    view.look(voxels, sensor + offset);
-    const Told told = told_by(view.sights());
-    layer.bands[1].values[at] = told.localizability;
-    layer.bands[2].values[at] = told.weak_direction_rad;
+  for (const auto& [region, tiles] : tiles_of_region) {
+    const auto window = index.around(region);
+    const TellingVoxels voxels(level_of(*window));
+    const Eigen::Vector3d offset = map.manifest().origin - window->origin();
+    for (const std::size_t tile : tiles) {
+      if (go_on && !go_on()) return std::nullopt;
+      for (std::size_t cell = 0; cell < layer.cells_per_tile(); ++cell) {
+        const std::size_t at = tile * layer.cells_per_tile() + cell;
+        const float floor = ground.values()[at];
+        if (std::isnan(floor)) continue;
+        Eigen::Vector3d sensor;
+        sensor << middle_of(layer.tiles[tile], cell, ground.side()),
+            static_cast<double>(floor) + height_m;
+        view.look(voxels, sensor + offset);
+        const Told told = told_by(view.sights());
+        layer.bands[1].values[at] = told.localizability;
+        layer.bands[2].values[at] = told.weak_direction_rad;
+      }
+    }
   }
   return layer;
 }

@@ -42,7 +42,7 @@ NoiseInformation noise_information_of(const MapIndex::Level& level, const Query&
     const std::array<double, 3> variances = {static_cast<double>(voxel->variance0),
                                              static_cast<double>(voxel->variance1),
                                              static_cast<double>(voxel->variance2)};
-    const Eigen::Vector3d offset = (p - voxel->mean).cast<double>();
+    const Eigen::Vector3d offset = (p - nearest.mean).cast<double>();
     const double residual_m = axes[0].dot(offset);
     const double weight = robust_weight(residual_m * residual_m, static_cast<double>(kernel_m)) /
                           (variances[0] + static_cast<double>(kernel_variance_m2(kernel_m)));

@@ -1,12 +1,15 @@
 #pragma once
 
-#include "index/cell_bits.hpp"
+#include "index/index_window.hpp"
+#include "index/place_rows.hpp"
 #include "query.hpp"
 
 #include <Eigen/Geometry>
 
+#include <cstddef>
 #include <limits>
 #include <numbers>
+#include <span>
 #include <vector>
 
 namespace stillmap::localization {
@@ -21,8 +24,12 @@ namespace stillmap::localization {
 /// the scan cannot see there.
 class PlaceSearch {
  public:
-  /// @param index      outlives this. @param seen_from  T_map_lidar, at least one.
-  PlaceSearch(const MapIndex& index, const std::vector<Eigen::Isometry3d>& seen_from);
+  /// At the places that the index knows. @param index  outlives this.
+  explicit PlaceSearch(const MapIndex& index);
+  /// At others. @param places  at least one.
+  PlaceSearch(const MapIndex& index, Places places);
+  PlaceSearch(const PlaceSearch&) = delete;
+  PlaceSearch& operator=(const PlaceSearch&) = delete;
 
   /// Where to look: everywhere unless said otherwise.
   struct Region {
@@ -61,20 +68,20 @@ class PlaceSearch {
   };
   [[nodiscard]] std::vector<Hypothesis> all_in(const Region& region,
                                                const std::vector<Eigen::Vector3f>& points) const;
-  /// The best of the steps around each hypothesis.
+  /// The best of the steps around each hypothesis. @param grid  of `kPlaceGrids`.
   void improve(std::vector<Hypothesis>& hypotheses, const std::vector<Eigen::Vector3f>& points,
-               const CellBits& cells, const Steps& steps) const;
+               std::size_t grid, const Steps& steps) const;
+  /// A place relative to its window's origin: x and y along the ground.
+  [[nodiscard]] Eigen::Isometry3f T_window_place(std::size_t place,
+                                                 const IndexWindow& window) const;
   /// Of the levelled lidar.
-  [[nodiscard]] Eigen::Isometry3f T_index_level(const Hypothesis& hypothesis) const;
-  [[nodiscard]] bool same_place(const Hypothesis& a, const Hypothesis& b) const;
+  [[nodiscard]] Eigen::Isometry3d T_map_level(const Hypothesis& hypothesis) const;
 
+  const MapIndex& index_;
+  /// Of those that were given; else the index has them.
+  std::vector<PlaceRow> own_places_;
+  std::span<const PlaceRow> places_;
   Eigen::Matrix3d R_level_lidar_;
-  Eigen::Vector3d origin_;
-  /// Relative to the index's origin, mount and heading taken out: x and y along the ground.
-  std::vector<Eigen::Isometry3f> places_;
-  CellBits wide_;
-  CellBits middle_;
-  CellBits fine_;
 };
 
 }  // namespace stillmap::localization

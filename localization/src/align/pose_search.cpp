@@ -26,13 +26,9 @@ class Columns {
     first_ = (centre / edge_m_).array().floor().cast<int>();
     first_ -= Eigen::Array3i(side_ / 2, side_ / 2, kCellsOfHeight / 2);
     words_.assign(static_cast<std::size_t>(side_) * static_cast<std::size_t>(side_), 0);
-    // Voxels are sorted by blocks of four cells with x first, so one strip of the map is looked at,
-    // not all of it.
-    const auto strip = [&](const Voxel& v) { return cell(v.mean.x()) >> 2; };
-    auto voxel = std::partition_point(level.voxels.begin(), level.voxels.end(),
-                                      [&](const Voxel& v) { return strip(v) < first_.x() >> 2; });
-    const int last = (first_.x() + side_ - 1) >> 2;
-    for (; voxel != level.voxels.end() && strip(*voxel) <= last; ++voxel) mark(voxel->mean);
+    level.cells.for_each_near(first_.head<2>(), first_.head<2>() + (side_ - 1),
+                              [&](const Eigen::Array3i& cell, const Voxel& /*voxel*/,
+                                  const CellBlocks::TileView& /*tile*/) { mark(cell); });
     // One cell of slack up and down takes up a prior that is off in height, roll and pitch.
     for (std::uint64_t& word : words_) word |= (word << 1) | (word >> 1);
   }
@@ -46,13 +42,8 @@ class Columns {
   }
 
  private:
-  /// Of a voxel, whose place is the index file's word: far away, and no number, is at the bound.
-  [[nodiscard]] int cell(float coordinate_m) const {
-    constexpr float kMost = 1 << 28;
-    return static_cast<int>(std::max(-kMost, std::min(kMost, std::floor(coordinate_m / edge_m_))));
-  }
-  void mark(const Eigen::Vector3f& p) {
-    const Eigen::Array3i c = Eigen::Array3i(cell(p.x()), cell(p.y()), cell(p.z())) - first_;
+  void mark(const Eigen::Array3i& cell) {
+    const Eigen::Array3i c = cell - first_;
     if (c.x() < 0 || c.x() >= side_ || c.y() < 0 || c.y() >= side_ || c.z() < 0 ||
         c.z() >= kCellsOfHeight)
       return;

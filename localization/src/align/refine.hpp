@@ -1,20 +1,27 @@
 #pragma once
 
+#include "index/index_window.hpp"
 #include "index/map_level.hpp"
 #include "query.hpp"
 #include "registration.hpp"
 
 #include <Eigen/Geometry>
 
+#include <memory>
 #include <span>
 
 namespace stillmap::localization {
 
 /// A pose that may be the answer, and how much of the scan it explains.
 struct Candidate {
+  /// Relative to the origin of the window, or of the local map.
   Eigen::Isometry3d T_index_lidar;
   /// `Support::score` by some of the points.
   double score = 0.0;
+  /// What of the map is around it; null in a local map.
+  std::shared_ptr<const IndexWindow> window = nullptr;
+
+  [[nodiscard]] Eigen::Isometry3d T_map_lidar() const { return window->to_map(T_index_lidar); }
 };
 
 /// `Support::score` of a pose by every `stride`-th point.

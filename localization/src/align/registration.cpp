@@ -48,7 +48,7 @@ const Voxel* sharp_match(const MapIndex::Level::Nearest& nearest, const Eigen::V
   const float floor_m2 = kernel_variance_m2(kernel_m);
   if (nearest.voxel == nullptr || nearest.voxel->sharp_axes == 0) return nullptr;
   const Voxel& voxel = *nearest.voxel;
-  const Eigen::Vector3f offset = p - voxel.mean;
+  const Eigen::Vector3f offset = p - nearest.mean;
   const float a = voxel.axis0.dot(offset);
   const float b = voxel.sharp_axes == 2 ? voxel.axis1.dot(offset) : 0.0F;
   const float across2 = a * a / (voxel.variance0 + floor_m2) + b * b / (voxel.variance1 + floor_m2);
@@ -78,7 +78,7 @@ const ResidualRows& Matches::at(const Eigen::Isometry3d& T_index_lidar, float ke
       moved_.size(), kernel_variance_m2(kernel_m), [&](std::size_t k) { return place(moved_[k]); },
       [&](std::size_t k, const MapIndex::Level::Nearest& nearest) {
         const Eigen::Vector3f p = place(moved_[k]);
-        matches_[moved_[k]] = {sharp_match(nearest, p, kernel_m), p};
+        matches_[moved_[k]] = {sharp_match(nearest, p, kernel_m), nearest.mean, p};
       });
   rows_.clear(t.cast<double>());
   for (std::size_t i = 0; i < matches_.size(); ++i) {
@@ -86,7 +86,7 @@ const ResidualRows& Matches::at(const Eigen::Isometry3d& T_index_lidar, float ke
     const Match& match = matches_[i];
     if (match.voxel == nullptr) continue;
     const Voxel& voxel = *match.voxel;
-    const Eigen::Vector3f mean = voxel.mean - t;
+    const Eigen::Vector3f mean = match.mean - t;
     const float range2 = p_lidar.squaredNorm();
     rows_.add(p_lidar, voxel.axis0, voxel.axis0.dot(mean),
               row_variance_m2(voxel.variance0, range2, bend_share));

@@ -26,7 +26,7 @@ inline constexpr float kBendShare = 0.015F;
 
 /// The voxel that tells where a point is: null when that of the point has no sharp axis, or the
 /// point lies past its surface's end.
-/// @param nearest  of `p` [m, relative to the index's origin] with `kernel_variance_m2(kernel_m)`.
+/// @param nearest  of `p` [m, relative to the window's origin] with `kernel_variance_m2(kernel_m)`.
 [[nodiscard]] const Voxel* sharp_match(const MapIndex::Level::Nearest& nearest,
                                        const Eigen::Vector3f& p, float kernel_m);
 
@@ -39,13 +39,15 @@ class Matches {
           std::size_t stride = 1);
 
   /// Rows at a pose, one for each sharp axis of a point's voxel.
-  /// @param T_index_lidar  relative to the index's origin.
+  /// @param T_index_lidar  relative to the window's origin.
   [[nodiscard]] const ResidualRows& at(const Eigen::Isometry3d& T_index_lidar, float kernel_m,
                                        float bend_share = 0.0F);
 
  private:
   struct Match {
     const Voxel* voxel = nullptr;
+    /// Of the voxel, relative to the window's origin [m].
+    Eigen::Vector3f mean = Eigen::Vector3f::Zero();
     /// Where the point was when it was looked up; far from everywhere at first.
     Eigen::Vector3f at = Eigen::Vector3f::Constant(std::numeric_limits<float>::infinity());
   };

@@ -29,7 +29,7 @@ Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
     if (nearest.voxel != nullptr) ++near;
     if (inlier) {
       ++inliers;
-      const double across = static_cast<double>(nearest.voxel->axis0.dot(p - nearest.voxel->mean));
+      const double across = static_cast<double>(nearest.voxel->axis0.dot(p - nearest.mean));
       squares += across * across;
     }
     if (query.stands[i * stride] == 0) return;

@@ -41,9 +41,8 @@ std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
   level.for_each_nearest(costs.size(), kernel_variance_m2(kProbeKernelM), place,
                          [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
                            const Eigen::Vector3f p = place(i);
-                           const Voxel* voxel = sharp_match(nearest, p, kProbeKernelM);
-                           if (voxel == nullptr) return;
-                           const float distance2_m2 = across2_m2(*voxel, p);
+                           if (sharp_match(nearest, p, kProbeKernelM) == nullptr) return;
+                           const float distance2_m2 = across2_m2(nearest, p);
                            costs[i] = distance2_m2 / (kKernel2 + distance2_m2);
                          });
   return costs;

@@ -2,7 +2,10 @@
 
 #include "candidates.hpp"
 #include "deskew.hpp"
+#include "index/index_bytes.hpp"
+#include "index/index_window.hpp"
 #include "index/own_error.hpp"
+#include "index/place_rows.hpp"
 #include "input_checks.hpp"
 #include "judge.hpp"
 #include "near_rivals.hpp"
@@ -36,12 +39,17 @@ constexpr double kLeastUpright = 0.7;
 constexpr double kOwnErrorShare = 0.25;
 constexpr double kOwnErrorArmM = 20.0;
 
-const MapIndex::Level& level_near(const MapIndex& index, double edge_m) {
-  return *std::min_element(index.levels().begin(), index.levels().end(),
+const MapIndex::Level& level_near(const IndexWindow& window, double edge_m) {
+  return *std::min_element(window.levels().begin(), window.levels().end(),
                            [&](const auto& a, const auto& b) {
                              return std::abs(std::log(static_cast<double>(a.edge_m) / edge_m)) <
                                     std::abs(std::log(static_cast<double>(b.edge_m) / edge_m));
                            });
+}
+
+bool is_beside(const Eigen::AlignedBox3d& bounds, const Eigen::Vector3d& at) {
+  return ((at - bounds.min()).array() > -kMarginM).all() &&
+         ((at - bounds.max()).array() < kMarginM).all();
 }
 
 /// Whether the scan may be where the window around the prior does not reach.
@@ -107,7 +115,12 @@ VoxelAligner::VoxelAligner(std::shared_ptr<const MapIndex> index,
   for (const Eigen::Isometry3d& T : seen_from) {
     if (!T.matrix().allFinite()) throw std::invalid_argument("seen_from: a pose is not finite");
   }
-  if (!seen_from.empty()) places_ = std::make_unique<const PlaceSearch>(*index_, seen_from);
+  if (!seen_from.empty()) {
+    places_ = std::make_unique<const PlaceSearch>(
+        *index_, places_of(seen_from, index_->origin(), index_->bounds()));
+  } else if (!index_->root().places.empty()) {
+    places_ = std::make_unique<const PlaceSearch>(*index_);
+  }
 }
 
 VoxelAligner::~VoxelAligner() = default;
@@ -138,8 +151,7 @@ AlignmentResult VoxelAligner::align_near(const ThinScan& scan_lidar, const Prior
   if (query.points.size() < kMinQueryPoints) {
     return lost(Reason::kTooFewPoints, prior.T_map_lidar);
   }
-  const Eigen::Array3d at = (prior.T_map_lidar.translation() - index_->origin()).array();
-  if (!((at > -kMarginM).all() && (at < index_->extent().array() + kMarginM).all())) {
+  if (!is_beside(index_->bounds(), prior.T_map_lidar.translation())) {
     return lost(Reason::kOutsideMap, prior.T_map_lidar);
   }
   const auto max_places = static_cast<std::size_t>(aligner.max_places);
@@ -151,12 +163,13 @@ AlignmentResult VoxelAligner::align_near(const ThinScan& scan_lidar, const Prior
         region_of(prior, reach->radius_m, reach->yaw_rad, places_->R_level_lidar()));
   }
   const PriorReach window = window_of(aligner, reach);
-  const std::vector<Eigen::Isometry3d> near =
-      search_poses(level_near(*index_, kSearchCellM), index_->origin(), query, prior.T_map_lidar,
-                   {.radius_m = window.radius_m,
-                    .yaw_rad = window.yaw_rad,
-                    .height_m = window.height_m,
-                    .max_candidates = static_cast<std::size_t>(aligner.max_candidates)});
+  const auto window_around = index_->around(prior.T_map_lidar.translation());
+  const std::vector<Eigen::Isometry3d> near = search_poses(
+      level_near(*window_around, kSearchCellM), window_around->origin(), query, prior.T_map_lidar,
+      {.radius_m = window.radius_m,
+       .yaw_rad = window.yaw_rad,
+       .height_m = window.height_m,
+       .max_candidates = static_cast<std::size_t>(aligner.max_candidates)});
   starts.insert(starts.end(), near.begin(), near.end());
   AlignmentResult result = align_from(starts, query, &prior);
 
@@ -190,18 +203,18 @@ AlignmentResult VoxelAligner::align_anywhere(const ThinScan& scan_lidar) const {
 
 AlignmentResult VoxelAligner::align_from(const std::vector<Eigen::Isometry3d>& starts,
                                          const Query& thinned, const Prior* prior) const {
-  const std::span<const MapIndex::Level> levels = index_->levels();
-  const MapIndex::Level& finest = levels.back();
   Search search{.index = *index_, .options = options_, .prior = prior, .query = thinned};
   const Query& query = search.query;
 
   std::vector<Candidate> candidates = rank_candidates(search, starts);
 
   Evidence evidence;
-  evidence.not_deskewed =
-      give_spinning_times(levels, search.query, candidates.front().T_index_lidar);
+  evidence.not_deskewed = give_spinning_times(candidates.front().window->levels(), search.query,
+                                              candidates.front().T_index_lidar);
   rank_deskewed(search, candidates);
   put_admitted_first(search, candidates);
+  const std::span<const MapIndex::Level> levels = candidates.front().window->levels();
+  const MapIndex::Level& finest = levels.back();
   Eigen::Isometry3d& T_index_lidar = candidates.front().T_index_lidar;
   const SweepMotion motion = deskew(levels, search.query, T_index_lidar);
 
@@ -218,16 +231,15 @@ AlignmentResult VoxelAligner::align_from(const std::vector<Eigen::Isometry3d>& s
   evidence.ambiguous = is_ambiguous(search, candidates, final, degenerate);
 
   AlignmentResult result;
-  result.T_map_lidar = T_index_lidar;
-  result.T_map_lidar.translation() += index_->origin();
+  result.T_map_lidar = candidates.front().T_map_lidar();
   result.iterations = search.steps;
   const ResidualRows& rows = final.rows;
   result.covariance =
       covariance_of(rows, T_index_lidar, final.kernel_m, bend, degenerate) + motion.pose_covariance;
   result.covariance +=
       covariance_of_shared_errors(rows, T_index_lidar, final.kernel_m, motion_left_in(query));
-  result.covariance +=
-      covariance_of_own_error(index_->own_error().near(result.T_map_lidar.translation()));
+  result.covariance += covariance_of_own_error(own_error_near(
+      index_->root().own_errors, result.T_map_lidar.translation() - index_->origin()));
   result.covariance +=
       covariance_of_near_rivals(finest, query, T_index_lidar, final.sums.H, final.kernel_m);
   evidence.contradicts_prior = prior != nullptr && contradicts(*prior, result);

@@ -16,6 +16,7 @@ struct Query;
 /// them, deskew the scan, refine the best one, judge it. See localization/how_it_works.md.
 class VoxelAligner : public Aligner {
  public:
+  /// @param seen_from  where scans are looked for; empty: where the index knows of.
   /// @throws std::invalid_argument if `index` is null, a pose is not finite or an option is broken.
   VoxelAligner(std::shared_ptr<const MapIndex> index,
                const std::vector<Eigen::Isometry3d>& seen_from, const LocalizationOptions& options);

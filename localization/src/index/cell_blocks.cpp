@@ -1,24 +1,33 @@
 #include "cell_blocks.hpp"
 
 #include <algorithm>
+#include <limits>
+#include <stdexcept>
 #include <utility>
 
 namespace stillmap::localization {
 namespace {
 
 struct TiledBlock {
-  std::uint32_t tile = 0;
+  std::pair<std::uint16_t, std::uint16_t> tile;
   CellBlocks::Slot slot;
 };
 
 /// Blocks with their cells, in the order of their tiles.
-std::vector<TiledBlock> blocks_by_tile(std::span<const CellBlocks::Place> places) {
+std::vector<TiledBlock> blocks_by_tile(std::span<const CellBlocks::Place> places, int tile_shift) {
+  const int shift = tile_shift - 2;
+  const std::uint32_t mask = (1U << shift) - 1;
   std::vector<TiledBlock> blocks;
   for (std::uint32_t i = 0; i < places.size(); ++i) {
     if (i == 0 || places[i].block != places[i - 1].block) {
-      const auto [x, y, z] = cell_of_key(places[i].block);
-      blocks.push_back({CellBlocks::tile_number(x << 2, y << 2),
-                        {CellBlocks::key_in_tile(x << 2, y << 2, z << 2), i, 0}});
+      const auto cell = cell_of_key(places[i].block);
+      const auto x = static_cast<std::uint32_t>(cell[0]);
+      const auto y = static_cast<std::uint32_t>(cell[1]);
+      const std::uint32_t key =
+          CellBlocks::key_in_tile(x & mask, y & mask, static_cast<std::uint32_t>(cell[2]));
+      blocks.push_back(
+          {{static_cast<std::uint16_t>(x >> shift), static_cast<std::uint16_t>(y >> shift)},
+           {key, i, 0}});
     }
     blocks.back().slot.mask |= std::uint64_t{1} << places[i].bit;
   }
@@ -35,11 +44,45 @@ void insert(std::span<CellBlocks::Slot> slots, std::uint32_t shift, const CellBl
 
 }  // namespace
 
-CellBlockTable::CellBlockTable(std::span<const CellBlocks::Place> places)
-    : cells_(static_cast<std::uint32_t>(places.size())) {
+CellBlocks::CellBlocks(std::span<const Part> parts, int tile_shift, float edge_m)
+    : tile_shift_(tile_shift), block_mask_((1U << (tile_shift - 2)) - 1) {
+  constexpr std::int32_t kMost = std::numeric_limits<std::int32_t>::max();
+  Eigen::Array2i low = Eigen::Array2i::Constant(kMost);
+  Eigen::Array2i high = Eigen::Array2i::Constant(-kMost);
+  std::vector<Eigen::Array2i> at;
+  for (const Part& part : parts) {
+    voxel_count_ += part.voxels.size();
+    for (const Tile& tile : part.tiles) {
+      at.emplace_back(tile.x + (part.first_cell.x() >> tile_shift),
+                      tile.y + (part.first_cell.y() >> tile_shift));
+      low = low.min(at.back());
+      high = high.max(at.back());
+      tiles_.push_back({.slots = part.slots.data() + tile.first_slot,
+                        .voxels = part.voxels.data(),
+                        .corner = edge_m * part.first_cell.cast<float>().matrix(),
+                        .first_z = part.first_cell.z(),
+                        .last_slot = tile.slots - 1,
+                        .shift = tile.shift,
+                        .voxel_count = static_cast<std::uint32_t>(part.voxels.size())});
+    }
+  }
+  if (tiles_.empty()) return;
+  if (tiles_.size() >= kNone) throw std::length_error("CellBlocks: too many tiles");
+  first_x_ = low.x();
+  first_y_ = low.y();
+  tiles_x_ = static_cast<std::uint32_t>(high.x() - low.x()) + 1;
+  tiles_y_ = static_cast<std::uint32_t>(high.y() - low.y()) + 1;
+  tile_at_.assign(std::size_t{tiles_x_} * tiles_y_, kNone);
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    const Eigen::Array2i place = at[i] - low;
+    tile_at_[static_cast<std::size_t>(place.x()) * tiles_y_ + static_cast<std::size_t>(place.y())] =
+        static_cast<std::uint16_t>(i);
+  }
+}
+
+CellBlockTable::CellBlockTable(std::span<const CellBlocks::Place> places, int tile_shift) {
   constexpr std::size_t kLeastSlots = 4;  // a cache line
-  const std::vector<TiledBlock> blocks = blocks_by_tile(places);
-  std::vector<CellBlocks::Tile> tiles;
+  const std::vector<TiledBlock> blocks = blocks_by_tile(places, tile_shift);
   for (auto first = blocks.begin(); first != blocks.end();) {
     const auto last = std::find_if(first, blocks.end(),
                                    [&](const TiledBlock& b) { return b.tile != first->tile; });
@@ -47,17 +90,12 @@ CellBlockTable::CellBlockTable(std::span<const CellBlocks::Place> places)
     const std::size_t count =
         std::max(kLeastSlots, std::bit_ceil(2 * static_cast<std::size_t>(last - first)));
     const std::uint32_t shift = CellBlocks::shift_of(count);
-    tiles.push_back({first->tile, static_cast<std::uint32_t>(slots_.size()),
-                     static_cast<std::uint32_t>(count), shift});
+    tiles_.push_back({first->tile.first, first->tile.second,
+                      static_cast<std::uint32_t>(slots_.size()), static_cast<std::uint32_t>(count),
+                      shift});
     slots_.resize(slots_.size() + count);
     const std::span<CellBlocks::Slot> own = std::span(slots_).last(count);
     for (; first != last; ++first) insert(own, shift, first->slot);
-  }
-  tiles_.resize(std::bit_ceil(2 * tiles.size() + 4));
-  for (const CellBlocks::Tile& tile : tiles) {
-    std::size_t at = CellBlocks::mixed(tile.number) >> CellBlocks::shift_of(tiles_.size());
-    while (tiles_[at].slots != 0) at = (at + 1) & (tiles_.size() - 1);
-    tiles_[at] = tile;
   }
 }
 

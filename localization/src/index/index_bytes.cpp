@@ -1,6 +1,7 @@
 #include "index/index_bytes.hpp"
 
 #include "index/index_format.hpp"
+#include "index_grid.hpp"
 
 #include <stillmap/maps/crc32c.hpp>
 
@@ -8,7 +9,8 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
+#include <limits>
+#include <utility>
 
 namespace stillmap::localization {
 namespace {
@@ -30,61 +32,73 @@ const char* name_of(std::uint32_t kind) {
       return "grid tiles";
     case Kind::kGridWords:
       return "grid words";
+    case Kind::kRegions:
+      return "regions";
+    case Kind::kPlaces:
+      return "places";
+    case Kind::kMount:
+      return "mount";
+    case Kind::kErrors:
+      return "errors";
   }
   return "unknown";
 }
 
 About about_of(const IndexKey& key) {
   About about;
-  std::copy_n(key.map_digest.begin(), std::min(key.map_digest.size(), about.map_digest.size()),
-              about.map_digest.begin());
+  std::copy_n(key.source.begin(), std::min(key.source.size(), about.source.size()),
+              about.source.begin());
   about.finest_voxel_m = key.options.finest_voxel_m;
   about.min_points = static_cast<std::uint32_t>(key.options.min_points);
   return about;
 }
 
 template <typename Item>
-SectionPart part_of(Kind kind, std::size_t level, std::span<const Item> items) {
-  return maps::section_part(static_cast<std::uint32_t>(kind), static_cast<std::uint32_t>(level),
+SectionPart part_of(Kind kind, std::size_t part, std::span<const Item> items) {
+  return maps::section_part(static_cast<std::uint32_t>(kind), static_cast<std::uint32_t>(part),
                             std::as_bytes(items), sizeof(Item));
 }
 
-/// Directories first: they are read at load, so they had better share a page with the header.
-std::vector<SectionPart> parts_of(const IndexContent& content) {
-  std::vector<SectionPart> parts;
-  for (std::size_t k = 0; k < content.levels.size(); ++k) {
-    parts.push_back(part_of(Kind::kTiles, k, content.levels[k].cells.tiles()));
-  }
-  for (std::size_t k = 0; k < content.place_grids.size(); ++k) {
-    parts.push_back(part_of(Kind::kGridTiles, k, content.place_grids[k].tiles()));
-  }
-  for (std::size_t k = 0; k < content.place_grids.size(); ++k) {
-    parts.push_back(part_of(Kind::kGridWords, k, content.place_grids[k].words()));
-  }
-  for (std::size_t k = 0; k < content.levels.size(); ++k) {
-    const VoxelLevel& level = content.levels[k];
-    parts.push_back(part_of(Kind::kSlots, k, level.cells.slots()));
-    parts.push_back(part_of(Kind::kVoxels, k, std::span<const Voxel>(level.voxels)));
-  }
-  return parts;
+std::vector<CacheLine> sealed_bytes(const maps::SectionFormat& format, const IndexKey& key,
+                                    const About& about, std::vector<SectionPart> parts) {
+  maps::SectionHeader header;
+  header.count = static_cast<std::uint32_t>(key.options.levels);
+  header.set_about(about);
+  return maps::section_bytes(format, header, std::move(parts)).lines;
 }
 
-class Parser {
+/// A file of an index whose header and key fit.
+class IndexParser {
  public:
-  Parser(std::span<const std::byte> bytes, const std::string& name)
+  IndexParser(std::span<const std::byte> bytes, const maps::SectionFormat& format,
+              const std::string& name)
       : bytes_(bytes),
-        table_(bytes, bytes.size(), index_format::kIndex, name),
+        table_(bytes, bytes.size(), format, name),
         about_(table_.header().read_about<About>()) {}
 
   [[nodiscard]] const About& about() const { return about_; }
-  [[nodiscard]] std::uint32_t levels() const { return table_.header().count; }
-  [[nodiscard]] const std::vector<Section>& sections() const { return table_.sections(); }
   [[noreturn]] void refuse(const std::string& found, const std::string& expected) const {
     table_.refuse(found, expected);
   }
 
+  void require(const IndexKey& key) const {
+    const About wanted = about_of(key);
+    const auto levels = static_cast<std::uint32_t>(key.options.levels);
+    if (about_.source != wanted.source) {
+      refuse(fmt::format("an index of {:.12}",
+                         std::string(about_.source.begin(), about_.source.end())),
+             fmt::format("of {:.12}", key.source));
+    }
+    if (table_.header().count != levels || about_.finest_voxel_m != wanted.finest_voxel_m ||
+        about_.min_points != wanted.min_points) {
+      refuse(fmt::format("{} levels, finest voxel {} m, at least {} points", table_.header().count,
+                         about_.finest_voxel_m, about_.min_points),
+             fmt::format("{}, {} m, {}", levels, wanted.finest_voxel_m, wanted.min_points));
+    }
+  }
   template <typename Item>
-  [[nodiscard]] std::span<const Item> items(const Section& section) const {
+  [[nodiscard]] std::span<const Item> items(Kind kind, std::uint32_t part) const {
+    const Section& section = section_of(kind, part);
     if (section.item_bytes != sizeof(Item) || section.bytes % sizeof(Item) != 0) {
       refuse(fmt::format("{} of {} bytes", name_of(section.kind), section.item_bytes),
              fmt::format("{}", sizeof(Item)));
@@ -92,12 +106,16 @@ class Parser {
     return {reinterpret_cast<const Item*>(bytes_.data() + section.offset),
             section.bytes / sizeof(Item)};
   }
-  [[nodiscard]] const Section& section(Kind kind, std::uint32_t level) const {
-    const Section* section = table_.find(static_cast<std::uint32_t>(kind), level);
-    if (section != nullptr) return *section;
-    refuse(fmt::format("no {} of level {}", name_of(static_cast<std::uint32_t>(kind)), level),
-           "all sections");
+  template <typename Item>
+  [[nodiscard]] std::span<const Item> checked_items(Kind kind, std::uint32_t part) const {
+    verify(section_of(kind, part));
+    return items<Item>(kind, part);
   }
+  void verify_all() const {
+    for (const Section& section : table_.sections()) verify(section);
+  }
+
+ private:
   void verify(const Section& section) const {
     if (maps::crc32c(bytes_.subspan(section.offset, section.bytes)) != section.crc) {
       refuse(fmt::format("{} of level {} that do not fit their checksum", name_of(section.kind),
@@ -105,113 +123,133 @@ class Parser {
              "undamaged ones");
     }
   }
+  [[nodiscard]] const Section& section_of(Kind kind, std::uint32_t part) const {
+    const Section* section = table_.find(static_cast<std::uint32_t>(kind), part);
+    if (section != nullptr) return *section;
+    refuse(fmt::format("no {} of level {}", name_of(static_cast<std::uint32_t>(kind)), part),
+           "all sections");
+  }
 
- private:
   std::span<const std::byte> bytes_;
   maps::SectionTable table_;
   About about_;
 };
 
-void require_key(const Parser& parser, const IndexKey& key) {
-  const About& found = parser.about();
-  const About wanted = about_of(key);
-  const auto wanted_levels = static_cast<std::uint32_t>(key.options.levels);
-  if (found.map_digest != wanted.map_digest) {
-    parser.refuse(fmt::format("an index of map {:.12}",
-                              std::string(found.map_digest.begin(), found.map_digest.end())),
-                  fmt::format("of map {:.12}", key.map_digest));
+/// The checksum of its directory is no proof against a file that was made on purpose.
+CellBlocks::Part level_part(const IndexParser& parser, std::uint32_t level, double edge_m) {
+  const CellBlocks::Part part{.tiles = parser.checked_items<CellBlocks::Tile>(Kind::kTiles, level),
+                              .slots = parser.items<CellBlocks::Slot>(Kind::kSlots, level),
+                              .voxels = parser.items<Voxel>(Kind::kVoxels, level)};
+  if (part.voxels.size() >= std::numeric_limits<std::uint32_t>::max())
+    parser.refuse("too many voxels", "fewer than 2^32 - 1");
+  const int side = cells_of_region(edge_m) >> tile_shift_of(edge_m);
+  const std::size_t slots = part.slots.size();
+  std::int32_t before = -1;
+  for (const CellBlocks::Tile& tile : part.tiles) {
+    const std::int32_t place = side * tile.x + tile.y;
+    if (tile.x >= side || tile.y >= side || place <= before)
+      parser.refuse("tiles out of order", fmt::format("{} by {}, by x, then y", side, side));
+    before = place;
+    if (tile.slots < 2 || !std::has_single_bit(tile.slots) ||
+        tile.shift != CellBlocks::shift_of(tile.slots) || tile.first_slot > slots ||
+        tile.slots > slots - tile.first_slot)
+      parser.refuse("tiles that lie outside their section", "such that lie inside");
   }
-  if (parser.levels() != wanted_levels || found.finest_voxel_m != wanted.finest_voxel_m ||
-      found.min_points != wanted.min_points) {
-    parser.refuse(
-        fmt::format("{} levels, finest voxel {} m, at least {} points", parser.levels(),
-                    found.finest_voxel_m, found.min_points),
-        fmt::format("{}, {} m, {}", wanted_levels, wanted.finest_voxel_m, wanted.min_points));
-  }
+  return part;
 }
 
-std::span<const CellBlocks::Tile> tiles_of(const Parser& parser, std::uint32_t level,
-                                           std::size_t slots) {
-  const Section& section = parser.section(Kind::kTiles, level);
-  const std::span<const CellBlocks::Tile> tiles = parser.items<CellBlocks::Tile>(section);
-  parser.verify(section);
-  // The checksum is no proof against a file that was made on purpose.
-  const bool good = tiles.size() >= 2 && std::has_single_bit(tiles.size()) &&
-                    std::all_of(tiles.begin(), tiles.end(), [&](const CellBlocks::Tile& tile) {
-                      return tile.slots == 0 ||
-                             (tile.slots >= 2 && std::has_single_bit(tile.slots) &&
-                              tile.shift == CellBlocks::shift_of(tile.slots) &&
-                              tile.first_slot <= slots && tile.slots <= slots - tile.first_slot);
-                    });
-  if (!good) parser.refuse("tiles that lie outside their section", "such that lie inside");
-  return tiles;
-}
-
-MapIndex::Level level_of(const Parser& parser, std::uint32_t level) {
-  const auto slots = parser.items<CellBlocks::Slot>(parser.section(Kind::kSlots, level));
-  const auto voxels = parser.items<Voxel>(parser.section(Kind::kVoxels, level));
-  if (voxels.size() >= CellBlocks::kNone) parser.refuse("too many voxels", "fewer than 2^32 - 1");
-  MapIndex::Level view;
-  view.edge_m = static_cast<float>(
-      std::ldexp(parser.about().finest_voxel_m,
-                 static_cast<int>(parser.levels()) - 1 - static_cast<int>(level)));
-  view.cells = CellBlocks(tiles_of(parser, level, slots.size()), slots,
-                          static_cast<std::uint32_t>(voxels.size()));
-  view.voxels = voxels;
-  return view;
-}
-
-CellBits place_grid_of(const Parser& parser, std::uint32_t grid, const Eigen::Vector3d& extent) {
-  const Section& section = parser.section(Kind::kGridTiles, grid);
-  const auto tiles = parser.items<std::uint32_t>(section);
-  const auto words = parser.items<std::uint64_t>(parser.section(Kind::kGridWords, grid));
-  parser.verify(section);
-  const TiledColumns columns(extent, kPlaceGrids[grid].edge_m);
-  const bool good = tiles.size() == columns.tiles() &&
-                    std::all_of(tiles.begin(), tiles.end(), [&](std::uint32_t first) {
-                      return first + TiledColumns::kColumnsOfTile <= words.size();
+CellBits::Part place_grid_part(const IndexParser& parser, std::uint32_t grid) {
+  const CellBits::Part part{.tiles = parser.checked_items<std::uint32_t>(Kind::kGridTiles, grid),
+                            .words = parser.items<std::uint64_t>(Kind::kGridWords, grid)};
+  const std::size_t side = RegionColumns::tiles(kPlaceGrids[grid].edge_m);
+  const bool good = part.tiles.size() == side * side &&
+                    std::all_of(part.tiles.begin(), part.tiles.end(), [&](std::uint32_t first) {
+                      return first + RegionColumns::kColumnsOfTile <= part.words.size();
                     });
   if (!good) parser.refuse("grid tiles that lie outside their section", "such that lie inside");
-  return {kPlaceGrids[grid].edge_m, extent, tiles, words};
+  return part;
+}
+
+bool is_ascending(std::span<const RegionRow> regions) {
+  return std::adjacent_find(regions.begin(), regions.end(),
+                            [](const RegionRow& a, const RegionRow& b) { return a.id >= b.id; }) ==
+         regions.end();
 }
 
 }  // namespace
 
-std::vector<CacheLine> to_bytes(const IndexKey& key, const IndexContent& content) {
+std::vector<CacheLine> to_bytes(const IndexKey& key, const RegionContent& content) {
   About about = about_of(key);
-  Eigen::Vector3d::Map(about.origin_m.data()) = content.origin;
-  Eigen::Vector3d::Map(about.extent_m.data()) = content.extent;
-  maps::SectionHeader header;
-  header.count = static_cast<std::uint32_t>(key.options.levels);
-  header.set_about(about);
-  return maps::section_bytes(index_format::kIndex, header, parts_of(content)).lines;
+  about.floor = content.floor;
+  // Directories first: they are read at load, so they had better share a page with the header.
+  std::vector<SectionPart> parts;
+  for (std::size_t k = 0; k < content.levels.size(); ++k)
+    parts.push_back(part_of(Kind::kTiles, k, content.levels[k].cells.tiles()));
+  for (std::size_t k = 0; k < content.place_grids.size(); ++k)
+    parts.push_back(part_of(Kind::kGridTiles, k, content.place_grids[k].tiles()));
+  for (std::size_t k = 0; k < content.place_grids.size(); ++k)
+    parts.push_back(part_of(Kind::kGridWords, k, content.place_grids[k].words()));
+  for (std::size_t k = 0; k < content.levels.size(); ++k) {
+    const VoxelLevel& level = content.levels[k];
+    parts.push_back(part_of(Kind::kSlots, k, level.cells.slots()));
+    parts.push_back(part_of(Kind::kVoxels, k, std::span<const Voxel>(level.voxels)));
+  }
+  return sealed_bytes(index_format::kRegionFile, key, about, std::move(parts));
 }
 
-IndexView view_of(std::span<const std::byte> bytes, const IndexKey& key, const std::string& name) {
-  const Parser parser(bytes, name);
-  require_key(parser, key);
-  IndexView view;
-  view.origin = Eigen::Vector3d::Map(parser.about().origin_m.data());
-  view.extent = Eigen::Vector3d::Map(parser.about().extent_m.data());
-  const double limit_m = key.options.finest_voxel_m * kCellsPerAxis;
-  // NaN on its own: minCoeff() and maxCoeff() may pass it over.
-  if (!(view.origin.allFinite() && view.extent.allFinite() && view.extent.minCoeff() >= 0.0 &&
-        view.extent.maxCoeff() < limit_m)) {
-    parser.refuse("bounds that no map has", fmt::format("an extent below {} m", limit_m));
-  }
-  for (std::uint32_t level = 0; level < parser.levels(); ++level) {
-    view.levels.push_back(level_of(parser, level));
-  }
-  for (std::uint32_t grid = 0; grid < kPlaceGrids.size(); ++grid) {
-    view.place_grids.push_back(place_grid_of(parser, grid, view.extent));
-  }
-  if (view.levels.back().voxels.empty()) parser.refuse("no voxel", "at least one");
+RegionView region_view(std::span<const std::byte> bytes, const IndexKey& key,
+                       const std::string& name) {
+  const IndexParser parser(bytes, index_format::kRegionFile, name);
+  parser.require(key);
+  RegionView view;
+  view.floor = parser.about().floor;
+  for (std::uint32_t level = 0; std::cmp_less(level, key.options.levels); ++level)
+    view.levels.push_back(level_part(parser, level, edge_of_level(key.options, level)));
+  for (std::uint32_t grid = 0; grid < kPlaceGrids.size(); ++grid)
+    view.place_grids.push_back(place_grid_part(parser, grid));
   return view;
 }
 
-void verify_sections(std::span<const std::byte> bytes, const std::string& name) {
-  const Parser parser(bytes, name);
-  for (const Section& section : parser.sections()) parser.verify(section);
+void verify_region(std::span<const std::byte> bytes, const std::string& name) {
+  IndexParser(bytes, index_format::kRegionFile, name).verify_all();
+}
+
+void verify_root(std::span<const std::byte> bytes, const std::string& name) {
+  IndexParser(bytes, index_format::kRootFile, name).verify_all();
+}
+
+std::vector<CacheLine> to_bytes(const IndexKey& key, const RootContent& content) {
+  About about = about_of(key);
+  Eigen::Vector3d::Map(about.min_m.data()) = content.bounds.min();
+  Eigen::Vector3d::Map(about.max_m.data()) = content.bounds.max();
+  return sealed_bytes(
+      index_format::kRootFile, key, about,
+      {part_of(Kind::kRegions, 0, std::span<const RegionRow>(content.regions)),
+       part_of(Kind::kMount, 0, std::span<const double>(content.R_level_lidar.data(), 9)),
+       part_of(Kind::kPlaces, 0, std::span<const PlaceRow>(content.places)),
+       part_of(Kind::kErrors, 0, std::span<const OwnErrorColumn>(content.own_errors))});
+}
+
+RootView root_view(std::span<const std::byte> bytes, const IndexKey& key, const std::string& name) {
+  const IndexParser parser(bytes, index_format::kRootFile, name);
+  parser.require(key);
+  RootView view;
+  const auto min = Eigen::Vector3d::Map(parser.about().min_m.data());
+  const auto max = Eigen::Vector3d::Map(parser.about().max_m.data());
+  // NaN fails every comparison.
+  if (!((min.array() <= max.array()).all() && min.minCoeff() > -kFarthestRegionM &&
+        max.maxCoeff() < kFarthestRegionM))
+    parser.refuse("bounds that no map has", fmt::format("a box within {} m", kFarthestRegionM));
+  view.bounds = Eigen::AlignedBox3d(min, max);
+  view.regions = parser.checked_items<RegionRow>(Kind::kRegions, 0);
+  if (view.regions.empty() || !is_ascending(view.regions))
+    parser.refuse("regions out of order or none", "at least one, by x, then y");
+  const auto mount = parser.checked_items<double>(Kind::kMount, 0);
+  if (mount.size() != 9) parser.refuse(fmt::format("a mount of {} numbers", mount.size()), "9");
+  view.R_level_lidar = Eigen::Matrix3d::Map(mount.data());
+  view.places = parser.items<PlaceRow>(Kind::kPlaces, 0);
+  view.own_errors = parser.items<OwnErrorColumn>(Kind::kErrors, 0);
+  return view;
 }
 
 }  // namespace stillmap::localization

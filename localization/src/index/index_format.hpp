@@ -6,29 +6,34 @@
 #include <cstddef>
 #include <cstdint>
 
-/// The index file: a maps::SectionTable whose header counts the levels, and its sections.
+/// The files of an index: one for each region, and a root that tells which there are. Each is a
+/// maps::SectionTable.
 namespace stillmap::localization::index_format {
 
 /// Counts up whenever a reader, or the same map's voxels, would differ.
 /// IndexFile.HoldsTheBytesOfItsFormatNumber pins it and the bytes.
-inline constexpr std::uint32_t kFormat = 1;
+inline constexpr std::uint32_t kFormat = 2;
 inline constexpr std::uint32_t kAlignment = 64;
-inline constexpr maps::SectionFormat kIndex = {
-    {'s', 't', 'i', 'l', 'l', 'i', 'd', 'x'}, kFormat, kAlignment, "a map index"};
+inline constexpr maps::SectionFormat kRegionFile = {
+    {'s', 't', 'i', 'l', 'l', 'i', 'd', 'x'}, kFormat, kAlignment, "a region of a map index"};
+inline constexpr maps::SectionFormat kRootFile = {
+    {'s', 't', 'i', 'l', 'l', 'i', 'd', 'r'}, kFormat, kAlignment, "the root of a map index"};
 
-/// In the header.
+/// In the header of either file, whose count is that of the levels.
 struct About {
-  /// Content digest of the map (hex), zeros for bare points.
-  std::array<char, 64> map_digest{};
+  /// What it is made from (hex): of a region the digest of its tiles and those around it, of the
+  /// root the map's; zeros for bare points.
+  std::array<char, 64> source{};
   double finest_voxel_m = 0.0;
   std::uint32_t min_points = 0;
-  std::uint32_t unused = 0;
-  /// As `MapIndex::origin()` and `extent()`.
-  std::array<double, 3> origin_m{}, extent_m{};
+  /// Of a region: where its heights begin, above the index's origin, in units of 640 m.
+  std::int32_t floor = 0;
+  /// Of the root: box around the map's points, relative to the index's origin [m].
+  std::array<double, 3> min_m{}, max_m{};
 };
 static_assert(sizeof(About) == 128);
 
-/// What a section holds, as an array of one type; its part is a level, 0 the coarsest.
+/// What a section holds, as an array of one type; of a region its part is a level, 0 the coarsest.
 enum class Kind : std::uint32_t {
   kTiles = 1,   ///< CellBlocks::Tile
   kSlots = 2,   ///< CellBlocks::Slot
@@ -36,6 +41,11 @@ enum class Kind : std::uint32_t {
   /// 32-bit and 64-bit words of `CellBitsTable`; the part counts `kPlaceGrids`.
   kGridTiles = 4,
   kGridWords = 5,
+  // Of the root.
+  kRegions = 6,  ///< RegionRow
+  kPlaces = 7,   ///< PlaceRow
+  kMount = 8,    ///< double: 9 of a rotation, column by column
+  kErrors = 9,   ///< OwnErrorColumn
 };
 
 }  // namespace stillmap::localization::index_format

@@ -21,6 +21,9 @@ constexpr double kLocalMarginM = 256.0;
 /// The origin follows when the sensor has gone so far [m].
 constexpr double kFollowM = 20.0;
 
+/// Number of the voxel of a cell without shape.
+constexpr std::uint32_t kNoVoxel = VoxelTable::kNone;
+
 double coarsest_m() { return kFinestM * std::exp2(kLevels - 1); }
 
 /// The same points seen from another origin. @param shift  of the origin [m].
@@ -38,13 +41,13 @@ void GrowingLevel::add(const MomentGrid& scan) {
     const auto [index, inserted] = grid_.table.insert(added.key);
     if (inserted) {
       grid_.cells.emplace_back().key = added.key;
-      numbers_.push_back(CellBlocks::kNone);
+      numbers_.push_back(kNoVoxel);
     }
     Moments& cell = grid_.cells[index];
     if (cell.count >= kFullPoints) continue;
     cell.add(added);
     if (cell.count < kMinPoints) continue;
-    if (numbers_[index] != CellBlocks::kNone) {
+    if (numbers_[index] != kNoVoxel) {
       voxels_[numbers_[index]] = voxel_of(cell, edge_m_);
     } else {
       const auto [x, y, z] = cell_of_key(cell.key);
@@ -65,14 +68,20 @@ void GrowingLevel::insert(std::vector<Numbered> fresh) {
   std::vector<CellBlocks::Place> places(order.size());
   for (std::size_t i = 0; i < order.size(); ++i) {
     std::uint32_t& number = numbers_[order[i].cell];
-    voxels[i] = number == CellBlocks::kNone ? voxel_of(grid_.cells[order[i].cell], edge_m_)
-                                            : voxels_[number];
+    voxels[i] =
+        number == kNoVoxel ? voxel_of(grid_.cells[order[i].cell], edge_m_) : voxels_[number];
     number = static_cast<std::uint32_t>(i);
     places[i] = order[i].place;
   }
   order_ = std::move(order);
   voxels_ = std::move(voxels);
-  blocks_ = CellBlockTable(places);
+  blocks_ = CellBlockTable(places, kLocalTileShift);
+}
+
+MapIndex::Level GrowingLevel::view() const {
+  const auto edge_m = static_cast<float>(edge_m_);
+  const CellBlocks::Part all{.tiles = blocks_.tiles(), .slots = blocks_.slots(), .voxels = voxels_};
+  return {edge_m, CellBlocks({&all, 1}, kLocalTileShift, edge_m)};
 }
 
 void GrowingLevel::move(const Eigen::Vector3i& cells, const Eigen::Vector3d& place,
@@ -91,7 +100,7 @@ void GrowingLevel::move(const Eigen::Vector3i& cells, const Eigen::Vector3d& pla
     moved.key = cell_key(at.x(), at.y(), at.z());
     localization::move(moved, cells.cast<double>() * edge_m_);
     grid_.at(moved.key) = moved;
-    numbers_.push_back(CellBlocks::kNone);
+    numbers_.push_back(kNoVoxel);
     if (moved.count >= kMinPoints) {
       kept.push_back({CellBlocks::place_of(at.x(), at.y(), at.z()),
                       static_cast<std::uint32_t>(grid_.cells.size() - 1)});

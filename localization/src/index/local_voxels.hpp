@@ -13,6 +13,9 @@
 
 namespace stillmap::localization {
 
+/// Binary logarithm of a tile's side in cells.
+inline constexpr int kLocalTileShift = 7;
+
 /// Voxels of one size that grow. The shape of a voxel is worked out anew only where points were
 /// added.
 class GrowingLevel {
@@ -26,9 +29,7 @@ class GrowingLevel {
   void move(const Eigen::Vector3i& cells, const Eigen::Vector3d& place, double reach_m);
 
   /// Valid until the next change.
-  [[nodiscard]] MapIndex::Level view() const {
-    return {static_cast<float>(edge_m_), blocks_.view(), voxels_};
-  }
+  [[nodiscard]] MapIndex::Level view() const;
   [[nodiscard]] double edge_m() const { return edge_m_; }
   [[nodiscard]] std::size_t voxel_count() const { return voxels_.size(); }
 
@@ -44,12 +45,12 @@ class GrowingLevel {
 
   double edge_m_;
   MomentGrid grid_;
-  /// Number of each cell's voxel, `CellBlocks::kNone` for a cell without shape.
+  /// Number of each cell's voxel, `VoxelTable::kNone` for a cell without shape.
   std::vector<std::uint32_t> numbers_;
   /// As numbered.
   std::vector<Numbered> order_;
   std::vector<Voxel> voxels_;
-  CellBlockTable blocks_{{}};
+  CellBlockTable blocks_{{}, kLocalTileShift};
 };
 
 /// Levels of 2, 1 and 0.5 m around a moving sensor. Coordinates are relative to an origin that

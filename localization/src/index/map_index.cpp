@@ -1,17 +1,24 @@
 #include <stillmap/localization/map_index.hpp>
 
-#include "index/index_bytes.hpp"
 #include "index/index_file.hpp"
+#include "index/index_window.hpp"
 #include "index/own_error.hpp"
+#include "index/place_rows.hpp"
 #include "index/voxel_build.hpp"
+#include "index_grid.hpp"
 #include "map_level.hpp"
 
+#include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/error.hpp>
-#include <stillmap/maps/mapped_file.hpp>
-#include <stillmap/maps/tile_check.hpp>
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <list>
+#include <map>
+#include <mutex>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -19,126 +26,329 @@
 namespace stillmap::localization {
 namespace {
 
+/// Windows that are kept for the next query: one is made in some ten microseconds.
+constexpr std::size_t kMostWindows = 32;
+
 void require_usable(const MapIndexOptions& options) {
   const std::vector<std::string> broken = options.violations();
   if (!broken.empty()) throw std::invalid_argument(fmt::format("{}", fmt::join(broken, "; ")));
+}
+
+/// What is wrong with the coarsest edge; nothing when regions are whole numbers of blocks.
+std::optional<std::string> uneven_edge(const MapIndexOptions& options) {
+  constexpr double kBlocksM = kRegionM / 4.0;
+  const double coarsest_m = edge_of_level(options, 0);
+  const double blocks = std::max(1.0, std::round(kBlocksM / coarsest_m));
+  if (std::abs(kBlocksM / coarsest_m - blocks) < 1e-9 * blocks) return std::nullopt;
+  return fmt::format(
+      "finest_voxel_m: {} with {} levels makes voxels of {} m, which do not divide {} m: take {}",
+      options.finest_voxel_m, options.levels, coarsest_m, kBlocksM,
+      std::ldexp(kBlocksM / blocks, 1 - options.levels));
+}
+
+void add_region(RootContent& root, maps::RegionId id, const IndexKey& key, const RegionView& view) {
+  RegionRow row{.id = id, .voxels = 0, .finest_voxels = view.levels.back().voxels.size()};
+  for (const CellBlocks::Part& level : view.levels) row.voxels += level.voxels.size();
+  std::copy_n(key.source.begin(), std::min(key.source.size(), row.source.size()),
+              row.source.begin());
+  root.regions.push_back(row);
+}
+
+void require_voxels(const RootContent& root, const MapIndexOptions& options,
+                    const std::string& source) {
+  const bool any = std::any_of(root.regions.begin(), root.regions.end(),
+                               [](const RegionRow& row) { return row.finest_voxels > 0; });
+  if (any) return;
+  throw maps::InputError(source, "none",
+                         fmt::format("a voxel of {} m with {} measured points or more",
+                                     options.finest_voxel_m, options.min_points));
+}
+
+/// Relative to the index's origin.
+Eigen::AlignedBox3d bounds_of(const maps::MapPackage& map, const MapIndexOptions& options) {
+  Eigen::AlignedBox3d bounds;
+  for (const maps::TileEntry& tile : map.manifest().tiles) bounds.extend(tile.from_origin());
+  return bounds.translated(Eigen::Vector3d(0.0, 0.0, below_origin_m(options)));
+}
+
+Eigen::Vector3d origin_of(const maps::MapPackage& map, const MapIndexOptions& options) {
+  return map.manifest().origin - Eigen::Vector3d(0.0, 0.0, below_origin_m(options));
+}
+
+/// Their lowest corner, so that a small cloud lies in one region.
+Eigen::Vector3d origin_of(const std::vector<Eigen::Vector3d>& points_map) {
+  if (points_map.empty()) return Eigen::Vector3d::Zero();
+  Eigen::Vector3d min = points_map.front();
+  for (const Eigen::Vector3d& p : points_map) {
+    if (!p.allFinite()) throw std::invalid_argument("map points: a point is not finite");
+    min = min.cwiseMin(p);
+  }
+  return min;
 }
 
 }  // namespace
 
 std::vector<std::string> MapIndexOptions::violations() const {
   std::vector<std::string> broken;
-  if (!(finest_voxel_m >= 0.1 && finest_voxel_m <= 4.0)) {
+  const bool edge_fits = finest_voxel_m >= 0.1 && finest_voxel_m <= 4.0;
+  if (!edge_fits) {
     broken.push_back(fmt::format("finest_voxel_m: {}, in [0.1, 4]", finest_voxel_m));
   }
-  if (levels < 1 || levels > 6) broken.push_back(fmt::format("levels: {}, in [1, 6]", levels));
+  const bool levels_fit = levels >= 1 && levels <= 6;
+  if (!levels_fit) broken.push_back(fmt::format("levels: {}, in [1, 6]", levels));
+  if (edge_fits && levels_fit) {
+    if (const auto uneven = uneven_edge(*this)) broken.push_back(*uneven);
+  }
   if (min_points < 3) broken.push_back(fmt::format("min_points: {}, >= 3", min_points));
   return broken;
 }
 
-/// The bytes that an index looks into: a mapped file, or memory of its own.
-struct MapIndex::Storage {
-  explicit Storage(const std::filesystem::path& file) : mapped(std::in_place, file) {}
-  explicit Storage(std::vector<CacheLine> lines) : owned(std::move(lines)) {}
+/// The root, the regions that are open, and the windows made of them.
+class MapIndex::Regions {
+ public:
+  using Region = std::shared_ptr<const OpenRegion>;
 
-  [[nodiscard]] std::span<const std::byte> bytes() const {
-    return mapped ? mapped->bytes() : std::as_bytes(std::span(owned));
+  /// @param package  empty: no files.
+  Regions(const MapIndexOptions& options, std::filesystem::path package)
+      : options_(options), package_(std::move(package)) {}
+
+  /// @throws as `IndexStorage` and `root_view`.
+  void set_root(IndexStorage bytes, const IndexKey& key) { root_.emplace(std::move(bytes), key); }
+  [[nodiscard]] const OpenRoot& root() const { return *root_; }
+  [[nodiscard]] bool has_files() const { return !package_.empty(); }
+
+  /// Keeps a region that lies in no file.
+  Region keep(maps::RegionId id, std::vector<CacheLine> lines, const IndexKey& key) {
+    const auto region = std::make_shared<const OpenRegion>(IndexStorage(std::move(lines)), key);
+    kept_[id] = region;
+    return region;
+  }
+  /// @throws maps::InputError, maps::StorageError.
+  [[nodiscard]] Region map_file(maps::RegionId id, const IndexKey& key) const {
+    return std::make_shared<const OpenRegion>(IndexStorage(region_file_of(package_, options_, id)),
+                                              key);
+  }
+  /// Builds a region and puts it into its file, or else into memory.
+  /// @return null when it has no voxel. @param kept_because  why not into the file.
+  Region build(const MapRegions& map, maps::RegionId id, const IndexKey& key,
+               std::string& kept_because) {
+    const RegionContent content = map.build(id);
+    if (std::all_of(content.levels.begin(), content.levels.end(),
+                    [](const VoxelLevel& level) { return level.voxels.empty(); }))
+      return nullptr;
+    std::vector<CacheLine> lines = to_bytes(key, content);
+    if (package_.empty()) return keep(id, std::move(lines), key);
+    try {
+      publish_file(region_file_of(package_, options_, id), std::as_bytes(std::span(lines)));
+      // From here on the system may drop pages that nobody uses.
+      return map_file(id, key);
+    } catch (const maps::InputError& error) {
+      kept_because = error.what();
+    } catch (const maps::StorageError& error) {
+      kept_because = error.what();
+    }
+    return keep(id, std::move(lines), key);
   }
 
-  std::optional<maps::MappedFile> mapped;
-  std::vector<CacheLine> owned;
+  /// Null when the index has no such region.
+  [[nodiscard]] Region region(maps::RegionId id) {
+    const std::scoped_lock lock(mutex_);
+    return locked_region(id);
+  }
+
+  [[nodiscard]] std::shared_ptr<const IndexWindow> window(const Eigen::Vector3d& origin,
+                                                          maps::RegionId middle) {
+    const std::scoped_lock lock(mutex_);
+    const auto known = std::find_if(windows_.begin(), windows_.end(),
+                                    [&](const auto& window) { return window.first == middle; });
+    if (known != windows_.end()) {
+      windows_.splice(windows_.begin(), windows_, known);
+      return known->second;
+    }
+    IndexWindow::Regions nine;
+    for (std::int32_t x = middle.x - 1; x <= middle.x + 1; ++x) {
+      for (std::int32_t y = middle.y - 1; y <= middle.y + 1; ++y)
+        if (Region region = locked_region({x, y})) nine.emplace_back(maps::RegionId{x, y}, region);
+    }
+    auto window = std::make_shared<const IndexWindow>(origin, middle, std::move(nine), options_);
+    windows_.emplace_front(middle, window);
+    if (windows_.size() > kMostWindows) windows_.pop_back();
+    return window;
+  }
+
+ private:
+  [[nodiscard]] Region locked_region(maps::RegionId id) {
+    const std::span<const RegionRow> rows = root_->view.regions;
+    const auto row = std::partition_point(rows.begin(), rows.end(),
+                                          [&](const RegionRow& r) { return r.id < id; });
+    if (row == rows.end() || row->id != id) return nullptr;
+    if (const auto kept = kept_.find(id); kept != kept_.end()) return kept->second;
+    std::weak_ptr<const OpenRegion>& open = open_[id];
+    if (Region region = open.lock()) return region;
+    const IndexKey key{std::string(row->source.begin(), row->source.end()), options_};
+    Region region;
+    try {
+      region = map_file(id, key);
+    } catch (const maps::InputError&) {
+      region = built_again(id, key);
+    } catch (const maps::StorageError&) {
+      region = built_again(id, key);
+    }
+    open = region;
+    return region;
+  }
+  /// Somebody removed or damaged the file.
+  [[nodiscard]] Region built_again(maps::RegionId id, const IndexKey& key) {
+    const auto map = maps::MapPackage::open(package_);
+    const MapRegions regions(*map, options_);
+    if (regions.source_of(id) != key.source) {
+      throw maps::InputError(package_.string(), "another map than the one that was opened",
+                             "the same one: open it again");
+    }
+    std::string kept_because;
+    return build(regions, id, key, kept_because);
+  }
+
+  MapIndexOptions options_;
+  std::filesystem::path package_;
+  std::optional<OpenRoot> root_;
+  std::mutex mutex_;
+  std::map<maps::RegionId, Region> kept_;
+  std::map<maps::RegionId, std::weak_ptr<const OpenRegion>> open_;
+  /// The one that was asked for last comes first.
+  std::list<std::pair<maps::RegionId, std::shared_ptr<const IndexWindow>>> windows_;
 };
 
-MapIndex::MapIndex(std::unique_ptr<const Storage> storage, const IndexKey& key,
-                   const std::string& name)
-    : storage_(std::move(storage)), own_error_(std::make_unique<const OwnError>()) {
-  IndexView view = view_of(storage_->bytes(), key, name);
-  origin_ = view.origin;
-  extent_ = view.extent;
-  levels_ = std::move(view.levels);
-  place_grids_ = std::move(view.place_grids);
-}
+MapIndex::MapIndex(const Eigen::Vector3d& origin, const MapIndexOptions& options)
+    : origin_(origin), options_(options) {}
 
 MapIndex::~MapIndex() = default;
 
+Eigen::AlignedBox3d MapIndex::bounds() const { return root().bounds.translated(origin_); }
+
 std::size_t MapIndex::voxel_count() const {
-  std::size_t count = 0;
-  for (const Level& level : levels_) count += level.voxels.size();
-  return count;
+  const auto rows = root().regions;
+  return std::accumulate(rows.begin(), rows.end(), std::size_t{0},
+                         [](std::size_t sum, const RegionRow& row) { return sum + row.voxels; });
 }
 
-void MapIndex::verify() const { verify_sections(storage_->bytes(), name()); }
+const RootView& MapIndex::root() const { return regions_->root().view; }
 
-std::string MapIndex::name() const { return file_.empty() ? "map index" : file_.string(); }
+std::shared_ptr<const IndexWindow> MapIndex::around(const Eigen::Vector3d& p_map) const {
+  const Eigen::Vector3d p = p_map - origin_;
+  // NaN is far from everything, too.
+  if (!(p.cwiseAbs().maxCoeff() < kFarthestRegionM)) {
+    return std::make_shared<const IndexWindow>(origin_, maps::RegionId{}, IndexWindow::Regions{},
+                                               options_);
+  }
+  return around(region_at(p.x(), p.y()));
+}
 
-std::shared_ptr<MapIndex> MapIndex::map_file(const std::filesystem::path& file,
-                                             const IndexKey& key) {
-  std::shared_ptr<MapIndex> index(
-      new MapIndex(std::make_unique<const Storage>(file), key, file.string()));
-  index->file_ = file;
-  return index;
+std::shared_ptr<const IndexWindow> MapIndex::around(maps::RegionId region) const {
+  return regions_->window(origin_, region);
+}
+
+void MapIndex::verify() const {
+  const IndexStorage& root_bytes = regions_->root().storage;
+  verify_root(root_bytes.bytes(), root_bytes.name());
+  for (const RegionRow& row : root().regions) {
+    const auto region = regions_->region(row.id);
+    verify_region(region->storage.bytes(), region->storage.name());
+  }
 }
 
 std::shared_ptr<const MapIndex> MapIndex::open(const maps::MapPackage& map,
                                                const MapIndexOptions& options) {
   require_usable(options);
-  std::shared_ptr<MapIndex> index = open_voxels(map, options);
-  index->own_error_ = std::make_unique<const OwnError>(map);
-  return index;
-}
-
-std::shared_ptr<MapIndex> MapIndex::open_voxels(const maps::MapPackage& map,
-                                                const MapIndexOptions& options) {
-  const IndexKey key{map.digest(), options};
-  const std::filesystem::path file = index_file_of(map.folder(), options);
-  std::string rebuilt_because;
+  std::shared_ptr<MapIndex> index(new MapIndex(origin_of(map, options), options));
+  index->regions_ = std::make_unique<Regions>(options, map.folder());
+  const std::filesystem::path file = root_file_of(map.folder(), options);
   try {
-    return map_file(file, key);
+    index->regions_->set_root(IndexStorage(file), {map.digest(), options});
+    index->file_ = file;
+    return index;
   } catch (const maps::InputError& error) {
-    rebuilt_because = error.what();
+    index->rebuilt_because_ = error.what();
   } catch (const maps::StorageError& error) {
-    rebuilt_because = error.what();
+    index->rebuilt_because_ = error.what();
   }
-  // The file outlives this process, and nobody compares it with the points again.
-  maps::require_whole_tiles(map);
-  std::vector<CacheLine> lines = to_bytes(key, build_voxels(map, options));
-  std::shared_ptr<MapIndex> index;
-  std::string kept_in_memory_because;
-  try {
-    publish_file(file, std::as_bytes(std::span(lines)));
-    // From here on the system may drop pages that nobody uses.
-    index = map_file(file, key);
-  } catch (const maps::InputError& error) {
-    kept_in_memory_because = error.what();
-  } catch (const maps::StorageError& error) {
-    kept_in_memory_because = error.what();
-  }
-  if (!index) {
-    index.reset(new MapIndex(std::make_unique<const Storage>(std::move(lines)), key, "map index"));
-  }
-  index->rebuilt_because_ = std::move(rebuilt_because);
-  index->kept_in_memory_because_ = std::move(kept_in_memory_because);
+  index->build_from(map);
   return index;
 }
 
 std::shared_ptr<const MapIndex> MapIndex::build(const maps::MapPackage& map,
                                                 const MapIndexOptions& options) {
   require_usable(options);
-  const IndexKey key{map.digest(), options};
-  std::shared_ptr<MapIndex> index(
-      new MapIndex(std::make_unique<const Storage>(to_bytes(key, build_voxels(map, options))), key,
-                   "map index"));
-  index->own_error_ = std::make_unique<const OwnError>(map);
+  std::shared_ptr<MapIndex> index(new MapIndex(origin_of(map, options), options));
+  index->regions_ = std::make_unique<Regions>(options, std::filesystem::path());
+  index->build_from(map);
   return index;
+}
+
+void MapIndex::build_from(const maps::MapPackage& map) {
+  const MapRegions tiles(map, options_);
+  RootContent root;
+  root.bounds = bounds_of(map, options_);
+  for (const maps::RegionId id : tiles.regions()) {
+    const IndexKey key{tiles.source_of(id), options_};
+    Regions::Region region;
+    try {
+      // A region whose tiles are as they were keeps its file.
+      if (regions_->has_files()) region = regions_->map_file(id, key);
+    } catch (const maps::InputError&) {
+    } catch (const maps::StorageError&) {
+    }
+    if (!region) region = regions_->build(tiles, id, key, kept_in_memory_because_);
+    if (region) add_region(root, id, key, region->view);
+  }
+  require_voxels(root, options_, map.folder().string());
+  const Places places = places_of(seen_from(map), origin_, root.bounds.translated(origin_));
+  root.places = places.rows;
+  root.R_level_lidar = places.R_level_lidar;
+  root.own_errors = own_errors_of(map);
+  set_root(root, {map.digest(), options_}, map.folder());
 }
 
 std::shared_ptr<const MapIndex> MapIndex::build(const std::vector<Eigen::Vector3d>& points_map,
                                                 const MapIndexOptions& options) {
   require_usable(options);
+  std::shared_ptr<MapIndex> index(
+      new MapIndex(points_map.empty() ? Eigen::Vector3d::Zero() : origin_of(points_map), options));
+  index->regions_ = std::make_unique<Regions>(options, std::filesystem::path());
   const IndexKey key{"", options};
-  return std::shared_ptr<const MapIndex>(new MapIndex(
-      std::make_unique<const Storage>(to_bytes(key, build_voxels(points_map, options))), key,
-      "map index"));
+  std::vector<Eigen::Vector3d> points;
+  points.reserve(points_map.size());
+  RootContent root;
+  for (const Eigen::Vector3d& p_map : points_map) {
+    points.push_back(p_map - index->origin_);
+    root.bounds.extend(points.back());
+  }
+  for (const auto& [id, content] : build_regions(points, options)) {
+    const auto region = index->regions_->keep(id, to_bytes(key, content), key);
+    add_region(root, id, key, region->view);
+  }
+  require_voxels(root, options, "map points");
+  index->set_root(root, key, {});
+  return index;
+}
+
+void MapIndex::set_root(const RootContent& root, const IndexKey& key,
+                        const std::filesystem::path& package) {
+  std::vector<CacheLine> lines = to_bytes(key, root);
+  if (regions_->has_files() && kept_in_memory_because_.empty()) {
+    const std::filesystem::path file = root_file_of(package, options_);
+    try {
+      publish_file(file, std::as_bytes(std::span(lines)));
+      regions_->set_root(IndexStorage(file), key);
+      file_ = file;
+      return;
+    } catch (const maps::InputError& error) {
+      kept_in_memory_because_ = error.what();
+    } catch (const maps::StorageError& error) {
+      kept_in_memory_because_ = error.what();
+    }
+  }
+  regions_->set_root(IndexStorage(std::move(lines)), key);
 }
 
 }  // namespace stillmap::localization

@@ -1,11 +1,10 @@
 #include "index/own_error.hpp"
 
-#include <stillmap/maps/map_package.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
+#include <map>
+#include <utility>
 
 namespace stillmap::localization {
 namespace {
@@ -18,43 +17,52 @@ constexpr float kOdometryM = 0.04F;
 constexpr float kOdometryRad = 1.5e-3F;
 
 std::int32_t column_at(double coordinate_m) {
-  return static_cast<std::int32_t>(std::floor(coordinate_m / kOwnErrorColumnM)) + kCellsPerAxis / 2;
+  return static_cast<std::int32_t>(std::floor(coordinate_m / kOwnErrorColumnM));
 }
 
 float beyond(float value, float usual) {
   return std::sqrt(std::max(0.0F, value * value - usual * usual));
 }
 
+maps::PoseDisagreement larger(const maps::PoseDisagreement& a, const maps::PoseDisagreement& b) {
+  return {std::max(a.m, b.m), std::max(a.rad, b.rad)};
+}
+
 }  // namespace
 
-OwnError::OwnError(const maps::MapPackage& map) {
+std::vector<OwnErrorColumn> own_errors_of(const maps::MapPackage& map) {
   const std::vector<maps::PoseDisagreement> of_pose = maps::read_pose_disagreements(map);
-  if (of_pose.empty()) return;
+  if (of_pose.empty()) return {};
+  std::map<std::pair<std::int32_t, std::int32_t>, maps::PoseDisagreement> largest;
   std::size_t pose = 0;
   for (const maps::Trajectory& drive : map.trajectories()) {
     for (const maps::StampedPose& stamped : drive.poses()) {
       const maps::PoseDisagreement& told = of_pose[pose++];
       const maps::PoseDisagreement own{beyond(told.m, kOdometryM), beyond(told.rad, kOdometryRad)};
       if (own.m == 0.0F && own.rad == 0.0F) continue;
-      const Eigen::Vector3d at = stamped.T_map_lidar.translation();
-      const auto [column, inserted] =
-          columns_.insert(cell_key(column_at(at.x()), column_at(at.y()), 0));
-      if (inserted) largest_.emplace_back();
-      maps::PoseDisagreement& largest = largest_[column];
-      largest = {std::max(largest.m, own.m), std::max(largest.rad, own.rad)};
+      const Eigen::Vector3d p = stamped.T_map_lidar.translation() - map.manifest().origin;
+      maps::PoseDisagreement& here = largest[{column_at(p.x()), column_at(p.y())}];
+      here = larger(here, own);
     }
   }
+  std::vector<OwnErrorColumn> columns;
+  for (const auto& [at, error] : largest) columns.push_back({at.first, at.second, error});
+  return columns;
 }
 
-maps::PoseDisagreement OwnError::near(const Eigen::Vector3d& at_map) const {
+maps::PoseDisagreement own_error_near(std::span<const OwnErrorColumn> columns,
+                                      const Eigen::Vector3d& p) {
+  const std::int32_t middle_x = column_at(p.x());
+  const std::int32_t middle_y = column_at(p.y());
   maps::PoseDisagreement found;
-  for (int x = -kReachColumns; x <= kReachColumns; ++x) {
-    for (int y = -kReachColumns; y <= kReachColumns; ++y) {
-      const std::uint32_t column =
-          columns_.find(cell_key(column_at(at_map.x()) + x, column_at(at_map.y()) + y, 0));
-      if (column == VoxelTable::kNone) continue;
-      found = {std::max(found.m, largest_[column].m), std::max(found.rad, largest_[column].rad)};
-    }
+  for (std::int32_t x = middle_x - kReachColumns; x <= middle_x + kReachColumns; ++x) {
+    const auto at = std::pair(x, middle_y - kReachColumns);
+    auto column =
+        std::partition_point(columns.begin(), columns.end(),
+                             [&](const OwnErrorColumn& c) { return std::pair(c.x, c.y) < at; });
+    for (; column != columns.end() && column->x == x && column->y <= middle_y + kReachColumns;
+         ++column)
+      found = larger(found, column->largest);
   }
   return found;
 }

@@ -30,7 +30,7 @@ std::int32_t sharp_axes_of(const Eigen::Vector3d& variances, const Eigen::Matrix
 
 }  // namespace
 
-Voxel voxel_of(const Moments& moments, double edge_m) {
+Voxel voxel_of(const Moments& moments, double edge_m, const Eigen::Vector3d& corner) {
   const double n = moments.count;
   const Eigen::Vector3d mean = moments.sum / moments.weight;
   const Eigen::Matrix3d covariance =
@@ -39,7 +39,7 @@ Voxel voxel_of(const Moments& moments, double edge_m) {
   const Eigen::Vector3d variances = eigen.values.cwiseMax(0.0);
   const Eigen::Matrix3d& axes = eigen.vectors;
   Voxel voxel{};
-  voxel.mean = mean.cast<float>();
+  voxel.mean = (mean - corner).cast<float>();
   voxel.axis0 = axes.col(0).cast<float>();
   voxel.axis1 = axes.col(1).cast<float>();
   voxel.variance0 = static_cast<float>(variances[0]);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "map_level.hpp"
+#include "voxel.hpp"
 #include "voxel_table.hpp"
 
 #include <Eigen/Core>
@@ -51,6 +51,8 @@ struct MomentGrid {
 [[nodiscard]] MomentGrid coarser(const MomentGrid& fine);
 
 /// The points of a cell as a normal distribution. @param moments  of two points or more.
-[[nodiscard]] Voxel voxel_of(const Moments& moments, double edge_m);
+/// @param corner  that the voxel's mean counts from, as the moments count [m].
+[[nodiscard]] Voxel voxel_of(const Moments& moments, double edge_m,
+                             const Eigen::Vector3d& corner = Eigen::Vector3d::Zero());
 
 }  // namespace stillmap::localization

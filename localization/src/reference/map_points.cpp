@@ -193,8 +193,13 @@ std::shared_ptr<const MapPoints> MapPoints::build_from(const ForEachPoint& for_e
 
 std::shared_ptr<const MapPoints> MapPoints::build(const maps::MapPackage& map, double leaf_m) {
   const auto for_each_point = [&](const auto& visit) {
-    for_each_measured_point(
-        map, [&](const Eigen::Vector3d& p_map, const maps::MapPoint& /*point*/) { visit(p_map); });
+    for (const maps::TileEntry& entry : map.manifest().tiles) {
+      if (entry.id.level != 0) continue;
+      for_each_measured_point(map, entry.id,
+                              [&](const Eigen::Vector3d& p, const maps::MapPoint& /*point*/) {
+                                visit(map.manifest().origin + p);
+                              });
+    }
   };
   return build_from(for_each_point, map.folder().string(), leaf_m);
 }

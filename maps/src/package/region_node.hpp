@@ -1,5 +1,7 @@
 #pragma once
 
+#include <stillmap/maps/region.hpp>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -8,9 +10,6 @@
 #include <vector>
 
 namespace stillmap::maps {
-
-/// Tiles of a region along one axis.
-inline constexpr int kRegionTiles = 32;
 
 using Sha256Bytes = std::array<std::byte, 32>;
 

@@ -27,10 +27,6 @@ Sha256Bytes sha256_bytes(std::span<const std::byte> bytes) {
   return std::bit_cast<Sha256Bytes>(hash.bytes());
 }
 
-std::int32_t region_along(std::int32_t tile) {
-  return tile >= 0 ? tile / kRegionTiles : -1 - (-1 - tile) / kRegionTiles;
-}
-
 std::string tile_name(TileId id) { return fmt::format("tile {}, {}", id.x, id.y); }
 
 /// Bounds in steps, from what the bytes hold.
@@ -57,8 +53,6 @@ void set_bounds(const TileContent& tile, RegionTile& row) {
 }
 
 }  // namespace
-
-RegionId region_of(TileId tile) { return {region_along(tile.x), region_along(tile.y)}; }
 
 std::string region_path(RegionId region) {
   return fmt::format("{}/{}_{}.node", kRegionsFolder, region.x, region.y);

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/mapped_file.hpp>
+#include <stillmap/maps/region.hpp>
 
 #include <filesystem>
 #include <fstream>
@@ -16,14 +17,6 @@
 #include "package/tile_bytes.hpp"
 
 namespace stillmap::maps {
-
-/// x, y of a region: of its tiles, divided by 32.
-struct RegionId {
-  std::int32_t x = 0;
-  std::int32_t y = 0;
-  auto operator<=>(const RegionId&) const = default;
-};
-[[nodiscard]] RegionId region_of(TileId tile);
 
 /// `regions/X_Y.node`
 [[nodiscard]] std::string region_path(RegionId region);

@@ -29,11 +29,10 @@ Aligners build_aligners(const maps::MapPackage& map,
     spdlog::warn("index of {} is kept in memory and will be built again: {}", map.folder().string(),
                  index->kept_in_memory_because());
   }
-  const std::vector<Eigen::Isometry3d> seen_from = localization::seen_from(map);
   Aligners aligners;
   for (const std::string& method : localization::aligner_names()) {
     if (aligners.empty()) {
-      aligners.emplace_back(method, localization::make_aligner(method, index, seen_from, options));
+      aligners.emplace_back(method, localization::make_aligner(method, index, {}, options));
     } else {
       // The package may be closed before it is done, or removed: then nobody asks any more.
       const auto make = [method, folder = map.folder()] {

@@ -12,8 +12,6 @@
 namespace stillmap::localization {
 namespace cell_bits_test {
 
-const Eigen::Vector3d kExtent(200.0, 100.0, 30.0);
-
 /// Not near the border of two metres, where the float of the bit's number rounds.
 double some_height(test::Random& random) { return std::floor(random.uniform(0.0, 30.0)) + 0.5; }
 
@@ -40,6 +38,12 @@ unsigned expected_hit(const std::vector<Voxel>& voxels, const Eigen::Vector3f& p
   });
 }
 
+/// The grid of a region without neighbours.
+CellBits in_the_middle(const CellBitsTable& table, float edge_m) {
+  const CellBits::Part part{.tiles = table.tiles(), .words = table.words(), .x = 1, .y = 1};
+  return {edge_m, {&part, 1}};
+}
+
 /// Whether one point is hit.
 unsigned hit(const CellBits& bits, const Eigen::Vector3f& p) {
   PointColumns one(1);
@@ -50,8 +54,8 @@ unsigned hit(const CellBits& bits, const Eigen::Vector3f& p) {
 TEST(CellBits, HitWhereAVoxelIsNear) {
   const std::vector<Voxel> voxels = some_voxels();
   for (const PlaceGrid& grid : kPlaceGrids) {
-    const CellBitsTable table(voxels, kExtent, grid.edge_m, grid.spread);
-    const CellBits bits(grid.edge_m, kExtent, table.tiles(), table.words());
+    const CellBitsTable table(voxels, grid.edge_m, grid.spread);
+    const CellBits bits = in_the_middle(table, grid.edge_m);
     test::Random random(2);
     unsigned hits = 0;
     for (int k = 0; k < 4000; ++k) {
@@ -68,8 +72,8 @@ TEST(CellBits, HitWhereAVoxelIsNear) {
 
 TEST(CellBits, AShiftCountsAsIfThePointsHadMoved) {
   const PlaceGrid& grid = kPlaceGrids.front();
-  const CellBitsTable table(some_voxels(), kExtent, grid.edge_m, grid.spread);
-  const CellBits bits(grid.edge_m, kExtent, table.tiles(), table.words());
+  const CellBitsTable table(some_voxels(), grid.edge_m, grid.spread);
+  const CellBits bits = in_the_middle(table, grid.edge_m);
   test::Random random(3);
   for (int k = 0; k < 300; ++k) {
     const Eigen::Vector3f p(static_cast<float>(random.uniform(0.0, 200.0)),
@@ -86,31 +90,33 @@ TEST(CellBits, AShiftCountsAsIfThePointsHadMoved) {
 }
 
 TEST(CellBits, OnlyTilesThatHoldSomethingTakeMemory) {
-  const CellBitsTable table(some_voxels(), kExtent, 1.0F, 0);
-  // Of 7 x 4 tiles the two columns in the middle are empty.
+  const CellBitsTable table(some_voxels(), 1.0F, 0);
+  // Of the 20 x 20 tiles those of the two far corners.
   EXPECT_EQ(table.words().size(), (20 + 1) * 32 * 32);
 }
 
 TEST(CellBits, NothingIsHitOutside) {
-  const CellBitsTable table(some_voxels(), kExtent, 2.0F, 1);
-  const CellBits bits(2.0F, kExtent, table.tiles(), table.words());
+  const CellBitsTable table(some_voxels(), 2.0F, 1);
+  const CellBits bits = in_the_middle(table, 2.0F);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(-0.5F, 50.0F, 5.0F)), 0U);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(203.0F, 50.0F, 5.0F)), 0U);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(50.0F, 103.0F, 5.0F)), 0U);
 }
 
-TEST(CellBits, AMapOfAHundredKilometresTakesNoMemoryForWhatLiesBetween) {
-  const Eigen::Vector3d extent(1e5, 1e5, 30.0);
+TEST(CellBits, APointMayLieInANeighbourAndAVoxelBesideTheRegionSpreadsIntoIt) {
   std::vector<Voxel> voxels(2);
-  voxels[0].mean = Eigen::Vector3f(0.5F, 0.5F, 3.5F);
-  voxels[1].mean = Eigen::Vector3f(99'999.5F, 99'999.5F, 3.5F);
-  const CellBitsTable table(voxels, extent, 1.0F, 0);
-  EXPECT_LE(table.tiles().size(), kMostGridTiles);
-  EXPECT_EQ(table.words().size(), 3U * 32 * 32);
-  const CellBits bits(1.0F, extent, table.tiles(), table.words());
-  EXPECT_EQ(hit(bits, voxels[0].mean), 1U);
-  EXPECT_EQ(hit(bits, voxels[1].mean), 1U);
-  EXPECT_EQ(hit(bits, Eigen::Vector3f(50'000.0F, 50'000.0F, 3.5F)), 0U);
+  voxels[0].mean = Eigen::Vector3f(639.5F, 3.5F, 3.5F);
+  // Of the neighbour's rim.
+  voxels[1].mean = Eigen::Vector3f(-0.5F, 300.5F, 3.5F);
+  const CellBitsTable table(voxels, 2.0F, 1);
+  const CellBits::Part parts[] = {{.tiles = table.tiles(), .words = table.words(), .x = 0, .y = 2},
+                                  {.tiles = table.tiles(), .words = table.words(), .x = 1, .y = 1}};
+  const CellBits bits(2.0F, parts);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(639.5F, 3.5F, 3.5F)), 1U);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(-0.5F, 643.5F, 3.5F)), 1U);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(-0.5F, 3.5F, 3.5F)), 0U);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(1.5F, 300.5F, 3.5F)), 1U);
+  EXPECT_EQ(hit(bits, Eigen::Vector3f(2.5F, 300.5F, 3.5F)), 0U);
 }
 
 }  // namespace cell_bits_test

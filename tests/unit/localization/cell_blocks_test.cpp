@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include <support/synthetic_world.hpp>
@@ -33,45 +34,57 @@ std::vector<CellBlocks::Place> places_of(const std::set<Cell>& cells) {
   return places;
 }
 
-TEST(CellBlocks, NumbersCellsInTheOrderOfTheirPlaces) {
-  const std::set<Cell> cells = some_cells();
-  const std::vector<CellBlocks::Place> places = places_of(cells);
-  const CellBlockTable table(places);
-  const CellBlocks blocks = table.view();
-  for (std::int32_t x = 0; x < 26; ++x) {
-    for (std::int32_t y = 0; y < 26; ++y) {
-      for (std::int32_t z = 0; z < 26; ++z) {
-        const auto place =
-            std::lower_bound(places.begin(), places.end(), CellBlocks::place_of(x, y, z));
-        const bool there = cells.contains({x, y, z});
-        const auto expected =
-            there ? static_cast<std::uint32_t>(place - places.begin()) : CellBlocks::kNone;
-        ASSERT_EQ(blocks.find(x, y, z), expected) << x << " " << y << " " << z;
-      }
-    }
+/// Cells as a part of an index: each voxel is told by its number of points.
+struct Part {
+  explicit Part(const std::set<Cell>& cells)
+      : places(places_of(cells)), table(places, kTileShift), voxels(places.size()) {
+    for (std::uint32_t i = 0; i < voxels.size(); ++i) voxels[i].points = i;
   }
-}
+  [[nodiscard]] CellBlocks::Part at(const Eigen::Array3i& first_cell) const {
+    return {
+        .tiles = table.tiles(), .slots = table.slots(), .voxels = voxels, .first_cell = first_cell};
+  }
+  [[nodiscard]] std::uint32_t number_of(const Cell& cell) const {
+    const auto& [x, y, z] = cell;
+    const auto place =
+        std::lower_bound(places.begin(), places.end(), CellBlocks::place_of(x, y, z));
+    return static_cast<std::uint32_t>(place - places.begin());
+  }
 
-TEST(CellBlocks, VisitsTheEightCellsAroundAPointWhereverBlocksMeet) {
+  /// Tiles of 8 cells, so that the cube has nine.
+  static constexpr int kTileShift = 3;
+  std::vector<CellBlocks::Place> places;
+  CellBlockTable table;
+  std::vector<Voxel> voxels;
+};
+
+TEST(CellBlocks, VisitsTheEightCellsAroundAPointWhereverBlocksTilesAndPartsMeet) {
   const std::set<Cell> cells = some_cells();
-  const CellBlockTable table(places_of(cells));
-  const CellBlocks blocks = table.view();
-  // From beside the grid's first cell, where half of the eight are none.
-  for (std::int32_t x = -1; x < 25; ++x) {
+  const Part part(cells);
+  // Two cubes side by side, the second 8 cells higher, and below zero.
+  const Eigen::Array3i second(24, 0, 8);
+  const Eigen::Array3i first(-24, -24, -40);
+  const CellBlocks::Part parts[] = {part.at(first), part.at(first + second)};
+  const CellBlocks blocks(parts, Part::kTileShift, 0.5F);
+  EXPECT_EQ(blocks.voxel_count(), 2 * cells.size());
+  // From beside the first cell, where half of the eight are none.
+  for (std::int32_t x = -1; x < 49; ++x) {
     for (std::int32_t y = -1; y < 25; ++y) {
-      for (std::int32_t z = -1; z < 25; ++z) {
-        std::vector<std::uint32_t> expected;
+      for (std::int32_t z = -1; z < 34; ++z) {
+        std::vector<std::pair<std::uint32_t, float>> expected;
         for (std::int32_t corner = 0; corner < 8; ++corner) {
-          const Cell cell{x + (corner >> 2), y + ((corner >> 1) & 1), z + (corner & 1)};
-          if (cells.contains(cell)) {
-            expected.push_back(
-                blocks.find(std::get<0>(cell), std::get<1>(cell), std::get<2>(cell)));
-          }
+          const Eigen::Array3i at =
+              Eigen::Array3i(x, y, z) + Eigen::Array3i(corner >> 2, (corner >> 1) & 1, corner & 1);
+          const bool in_second = at.x() >= 24;
+          const Eigen::Array3i own = in_second ? Eigen::Array3i(at - second) : at;
+          const Cell cell{own.x(), own.y(), own.z()};
+          if (cells.contains(cell))
+            expected.emplace_back(part.number_of(cell), in_second ? 0.F : -12.F);
         }
-        std::vector<std::uint32_t> visited;
-        const CellBlocks::Numbers numbers = blocks.eight(x, y, z);
-        visited.assign(numbers.of.begin(),
-                       numbers.of.begin() + static_cast<std::ptrdiff_t>(numbers.count));
+        const CellBlocks::Eight eight = blocks.eight(x + first.x(), y + first.y(), z + first.z());
+        std::vector<std::pair<std::uint32_t, float>> visited;
+        for (std::size_t k = 0; k < eight.count; ++k)
+          visited.emplace_back(eight.voxels[k]->points, eight.tiles[k]->corner.x());
         std::sort(visited.begin(), visited.end());
         std::sort(expected.begin(), expected.end());
         ASSERT_EQ(visited, expected) << x << " " << y << " " << z;
@@ -80,9 +93,29 @@ TEST(CellBlocks, VisitsTheEightCellsAroundAPointWhereverBlocksMeet) {
   }
 }
 
+TEST(CellBlocks, TellsTheCellsNearARectangle) {
+  const std::set<Cell> cells = some_cells();
+  const Part part(cells);
+  const Eigen::Array3i first(16, -8, 4);
+  const CellBlocks::Part moved = part.at(first);
+  const CellBlocks blocks({&moved, 1}, Part::kTileShift, 0.5F);
+  std::set<Cell> met;
+  blocks.for_each_near(
+      {20, -100}, {29, 100},
+      [&](const Eigen::Array3i& cell, const Voxel& voxel, const CellBlocks::TileView& /*tile*/) {
+        const Eigen::Array3i own = cell - first;
+        const Cell at{own.x(), own.y(), own.z()};
+        EXPECT_TRUE(cells.contains(at));
+        EXPECT_EQ(voxel.points, part.number_of(at));
+        EXPECT_TRUE(met.insert(at).second);
+      });
+  // Whole tiles: 16 to 31.
+  for (const Cell& cell : cells) EXPECT_EQ(met.contains(cell), std::get<0>(cell) < 16);
+  blocks.for_each_near({100, 100}, {200, 200}, [&](const auto&...) { ADD_FAILURE(); });
+}
+
 TEST(CellBlocks, EmptyOnesHoldNothing) {
   const CellBlocks blocks;
-  EXPECT_EQ(blocks.find(1, 2, 3), CellBlocks::kNone);
   EXPECT_EQ(blocks.eight(0, 0, 0).count, 0U);
 }
 

@@ -1,4 +1,5 @@
 #include "align/deskew.hpp"
+#include "index/index_window.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 #include <stillmap/maps/frames.hpp>
@@ -70,11 +71,12 @@ TEST(SweepMotion, TheMapTellsTwistAndPoseAtTheStamp) {
   ASSERT_EQ(query.time_offsets_s.size(), query.points.size());
   // Taken as it came it fits where the sensor was in between.
   Eigen::Isometry3d T_index_lidar = T * maps::exp_se3(-0.05 * twist);
-  T_index_lidar.translation() -= street().index->origin();
-  const SweepMotion motion = deskew(street().index->levels(), query, T_index_lidar);
+  const auto window = street().index->around(T.translation());
+  T_index_lidar = window->from_map(T_index_lidar);
+  const SweepMotion motion = deskew(window->levels(), query, T_index_lidar);
   EXPECT_LT((motion.twist - twist).head<3>().norm(), 0.3) << motion.twist.transpose();
   EXPECT_LT((motion.twist - twist).tail<3>().norm(), 0.02) << motion.twist.transpose();
-  T_index_lidar.translation() += street().index->origin();
+  T_index_lidar = window->to_map(T_index_lidar);
   EXPECT_LT((T.inverse() * T_index_lidar).translation().norm(), 0.03);
   EXPECT_GT(motion.pose_covariance(0, 0), 0.0);
 }

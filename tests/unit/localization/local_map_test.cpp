@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <support/index_voxels.hpp>
 #include <support/synthetic_world.hpp>
 
 #include <limits>
@@ -44,14 +45,15 @@ void expect_same_voxels(std::span<const MapIndex::Level> a, const Eigen::Vector3
                         std::span<const MapIndex::Level> b, const Eigen::Vector3d& origin_b) {
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t level = 0; level < a.size(); ++level) {
-    ASSERT_EQ(a[level].voxels.size(), b[level].voxels.size());
-    ASSERT_GT(a[level].voxels.size(), 50U);
-    for (const Voxel& voxel : a[level].voxels) {
-      const Eigen::Vector3d mean = voxel.mean.cast<double>() + origin_a;
+    ASSERT_EQ(a[level].cells.voxel_count(), b[level].cells.voxel_count());
+    ASSERT_GT(a[level].cells.voxel_count(), 50U);
+    for (const test::FoundVoxel& found : test::voxels_of(a[level])) {
+      const Voxel& voxel = *found.voxel;
+      const Eigen::Vector3d mean = found.mean.cast<double>() + origin_a;
       const auto nearest = b[level].nearest((mean - origin_b).cast<float>(), 1e-4F);
       ASSERT_NE(nearest.voxel, nullptr);
       const Voxel& other = *nearest.voxel;
-      EXPECT_LT((other.mean.cast<double>() + origin_b - mean).norm(), 1e-4);
+      EXPECT_LT((nearest.mean.cast<double>() + origin_b - mean).norm(), 1e-4);
       EXPECT_EQ(other.points, voxel.points);
       EXPECT_EQ(other.sharp_axes, voxel.sharp_axes);
       EXPECT_NEAR(other.variance0, voxel.variance0, 1e-6F);
@@ -70,7 +72,8 @@ TEST(LocalVoxels, AreThoseOfAMapIndexOfTheSamePoints) {
     for (const Eigen::Vector3f& p : points) all.push_back(p.cast<double>());
   }
   const auto index = MapIndex::build(all);
-  expect_same_voxels(index->levels(), index->origin(), grown.levels(), grown.origin());
+  const auto window = index->around(Eigen::Vector3d::Zero());
+  expect_same_voxels(window->levels(), window->origin(), grown.levels(), grown.origin());
 }
 
 TEST(LocalVoxels, StayTheSameWhenTheOriginFollowsTheSensor) {

@@ -71,11 +71,11 @@ TEST(OwnError, IsTheLargestNearByBeyondOdometrysOwn) {
   std::vector<maps::PoseDisagreement> told(street.poses(), {0.02F, 0.001F});
   told.front() = {0.3F, 0.01F};
   const auto map = street.map(told);
-  const OwnError error(*map);
-  EXPECT_NEAR(error.near({30.0, 0.0, 0.0}).m, 0.3F, 0.01F);
-  EXPECT_NEAR(error.near({50.0, 0.0, 0.0}).rad, 0.01F, 1e-3F);
-  EXPECT_EQ(error.near({90.0, 0.0, 0.0}).m, 0.0F);
-  EXPECT_EQ(OwnError().near({30.0, 0.0, 0.0}).m, 0.0F);
+  const std::vector<OwnErrorColumn> columns = own_errors_of(*map);
+  EXPECT_NEAR(own_error_near(columns, {30.0, 0.0, 0.0}).m, 0.3F, 0.01F);
+  EXPECT_NEAR(own_error_near(columns, {50.0, 0.0, 0.0}).rad, 0.01F, 1e-3F);
+  EXPECT_EQ(own_error_near(columns, {90.0, 0.0, 0.0}).m, 0.0F);
+  EXPECT_EQ(own_error_near({}, {30.0, 0.0, 0.0}).m, 0.0F);
 }
 
 TEST(OwnError, WidensWhatAnAnswerIsBoundBy) {

@@ -1,4 +1,5 @@
 #include "align/registration.hpp"
+#include "index/index_window.hpp"
 
 #include <stillmap/maps/frames.hpp>
 
@@ -99,14 +100,16 @@ struct MatchedStreet {
   Eigen::Isometry3d T_index_lidar = pose_at(57.0, 0.0);
   maps::PointCloud scan = world.scan(T_index_lidar, pattern(13));
 
-  MatchedStreet() { T_index_lidar.translation() -= index->origin(); }
+  std::shared_ptr<const IndexWindow> window = index->around(T_index_lidar.translation());
+
+  MatchedStreet() { T_index_lidar = window->from_map(T_index_lidar); }
   static test::ScanPattern pattern(std::uint64_t seed) {
     test::ScanPattern out;
     out.noise_m = 0.02;
     out.seed = seed;
     return out;
   }
-  [[nodiscard]] const MapIndex::Level& level() const { return index->levels().back(); }
+  [[nodiscard]] const MapIndex::Level& level() const { return window->levels().back(); }
 };
 
 TEST(Registration, GradientPointsUphillAndHIsSymmetricPositive) {

@@ -1,5 +1,7 @@
 #include "align/place_search.hpp"
 #include "align/pose_search.hpp"
+#include "index/index_window.hpp"
+#include "index/place_rows.hpp"
 
 #include <stillmap/localization/aligner.hpp>
 
@@ -65,7 +67,8 @@ TEST(PlaceSearch, AnswersWithARotationAlsoWhereTheSensorLooksAlongTheMapsX) {
   // The others are upright, so it is no tilted mount, and too far off to be places of the map.
   std::vector<Eigen::Isometry3d> seen_from(9, pose_at(1e4, 0.0));
   seen_from.push_back(T_map_lidar);
-  const PlaceSearch places(*street().index, seen_from);
+  const MapIndex& index = *street().index;
+  const PlaceSearch places(index, places_of(seen_from, index.origin(), index.bounds()));
   Query query;
   query.points = {{5.0F, 0.0F, 1.0F}, {0.0F, 5.0F, 1.0F}};
   query.stands = {1, 1};
@@ -78,7 +81,8 @@ TEST(PlaceSearch, AnswersWithARotationAlsoWhereTheSensorLooksAlongTheMapsX) {
 }
 
 TEST(PlaceSearch, LooksOnlyIntoTheHeadingsOfTheRegion) {
-  const PlaceSearch places(*street().index, drive_through());
+  const MapIndex& index = *street().index;
+  const PlaceSearch places(index, places_of(drive_through(), index.origin(), index.bounds()));
   Query query;
   query.points = {{5.0F, 0.0F, 1.0F}, {0.0F, 5.0F, 1.0F}};
   query.stands = {1, 1};
@@ -104,10 +108,11 @@ TEST(PoseSearch, GivesNoPlaceTwice) {
     const Eigen::Isometry3d prior = pose_at(60.0, 0.0, 0.02 + off_rad);
     const maps::PointCloud scan = street().world.scan(T, pattern(7));
     const Query query = query_of(picked(view_of(scan), thin_points(view_of(scan))), prior.linear());
-    const MapIndex::Level& level = street().index->levels()[1];
+    const auto window = street().index->around(prior.translation());
+    const MapIndex::Level& level = window->levels()[1];
     ASSERT_EQ(level.edge_m, 1.0F);
     const std::vector<Eigen::Isometry3d> found =
-        search_poses(level, street().index->origin(), query, prior,
+        search_poses(level, window->origin(), query, prior,
                      {.radius_m = 6.0, .yaw_rad = 0.4, .max_candidates = 6});
     ASSERT_GE(found.size(), 6U);
     for (std::size_t i = 0; i < found.size(); ++i) {

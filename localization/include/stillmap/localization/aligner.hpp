@@ -122,8 +122,8 @@ class Aligner {
 /// none, its places.
 [[nodiscard]] std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map);
 
-/// Any method for a map: `default` over its index (`MapIndex::open`, which may write the file) and
-/// trajectory, `icp` and `point_to_plane` over its measured points. Those two need a prior.
+/// Any method for a map: `default` over its index (`MapIndex::open`, which may write files), `icp`
+/// and `point_to_plane` over its measured points. Those two need a prior.
 /// @param method     one of `aligner_names()`.
 /// @param options    of the method `default`; the other two have none.
 /// @throws std::invalid_argument naming the method and the choices, or every broken option;
@@ -135,9 +135,8 @@ class Aligner {
 /// The method `default` over an index alone.
 /// @param method     "default".
 /// @param T_map_lidar_seen_from  poses that the map was made from, finite. Without a prior a scan
-/// is
-///                   looked for within some 6 m of them, upright as they are, in every heading;
-///                   none = it cannot be.
+///                   is looked for within some 6 m of them, upright as they are, in every heading;
+///                   empty = those that the index's map was made from, and of bare points none.
 /// @throws std::invalid_argument naming the method and the choices, or a pose that is not finite.
 [[nodiscard]] std::unique_ptr<Aligner> make_aligner(
     std::string_view method, std::shared_ptr<const MapIndex> index,

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "index/index_bytes.hpp"
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include <vector>
+
+namespace stillmap::localization {
+
+/// Where a scan may be looked for, and how it was mounted.
+struct Places {
+  /// By region, x first; in a region in the order in which they were passed, 3 m apart.
+  std::vector<PlaceRow> rows;
+  /// Attitude of the scans in a level frame: the lidar as it was mounted. The identity unless it
+  /// was tilted.
+  Eigen::Matrix3d R_level_lidar = Eigen::Matrix3d::Identity();
+};
+
+/// @param T_map_lidar  where the map was seen from, finite. @param origin  of the index.
+/// @param bounds  in the map frame [m]: who was far outside saw nothing of it.
+[[nodiscard]] Places places_of(const std::vector<Eigen::Isometry3d>& T_map_lidar,
+                               const Eigen::Vector3d& origin, const Eigen::AlignedBox3d& bounds);
+
+}  // namespace stillmap::localization
