@@ -33,7 +33,7 @@ struct TileEntry {
   std::uint64_t points = 0;
   /// Of the points, relative to the manifest's origin [m]; ask `from_origin` or
   /// `MapManifest::bounds_of`.
-  std::array<float, 3> min{}, max{};
+  std::array<double, 3> min{}, max{};
 
   /// Bounds of the points, relative to the manifest's origin [m].
   [[nodiscard]] Eigen::AlignedBox3d from_origin() const {
