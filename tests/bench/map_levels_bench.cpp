@@ -75,7 +75,7 @@ void run(const std::filesystem::path& folder, const std::filesystem::path& other
   std::uint32_t sum = 0;
   const Seconds reading = fastest(repeat, [&] {
     for (const TileEntry& tile : map->manifest().tiles) {
-      const std::vector<MapPoint> points = map->tile(tile.id).points_from_origin();
+      const std::vector<MapPoint> points = map->tile(tile.id).points_from(corner_of(tile.id));
       sum ^= crc32c(std::as_bytes(std::span(points)));
     }
   });

@@ -1,6 +1,8 @@
 // Steps that several end-to-end tests take.
 
-import { join } from 'node:path';
+import { createHash } from 'node:crypto';
+import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { dirname, join } from 'node:path';
 
 /** Whether an element comes within the patience, said as an expectation. @param options of waitForSelector */
 export const shown = (run, page, selector, what, options = {}) =>
@@ -12,6 +14,41 @@ export const scanOf = (run, number) => join(run.sample, 'drive', 'velodyne', `${
 export async function middleOf(page, selector) {
   const { x, y, width, height } = await page.locator(selector).boundingBox();
   return [x + width / 2, y + height / 2];
+}
+
+/** Metres that a region of a map package is wide. */
+const kRegionM = 640;
+
+/**
+ * The sample's map with everything in it some regions to the east of where it is, and its origin where it was: tiles count
+ * from their corner, so only the names of regions change, the poses and the objects.
+ *
+ * @return the package's folder.
+ */
+export function movedMap(run, regions) {
+  const [from, to] = [join(run.sample, 'map'), join(run.scratch, `moved_${regions}`)];
+  const shift = regions * kRegionM;
+  const change = {
+    'trajectory.tum': (text) => text.replace(/^(\S+) (\S+)/gm, (_, stamp, x) => `${stamp} ${Number(x) + shift}`),
+    'objects.json': (text) => {
+      const all = JSON.parse(text);
+      for (const { placements } of all.objects) for (const { centre } of placements) centre[0] += shift;
+      return JSON.stringify(all);
+    },
+  };
+  const manifest = JSON.parse(readFileSync(join(from, 'manifest.json'), 'utf8'));
+  const files = {};
+  for (const [path, file] of Object.entries(manifest.files)) {
+    const name = path.replace(/^regions\/(-?\d+)_/, (_, x) => `regions/${Number(x) + regions}_`);
+    const bytes = readFileSync(join(from, path));
+    const changed = change[path] === undefined ? bytes : Buffer.from(change[path](bytes.toString()));
+    mkdirSync(dirname(join(to, name)), { recursive: true });
+    writeFileSync(join(to, name), changed);
+    files[name] = changed === bytes ? file : { bytes: changed.length, sha256: createHash('sha256').update(changed).digest('hex') };
+  }
+  writeFileSync(join(to, 'manifest.json'), JSON.stringify({ ...manifest, files }));
+  writeFileSync(join(to, 'build.json'), readFileSync(join(from, 'build.json')));
+  return { folder: to, shift };
 }
 
 /** Drops files on an element as the desktop does: by the browser's own input, not by a made-up event. */

@@ -3,6 +3,7 @@
 
 import { readFileSync } from 'node:fs';
 import { kPatienceMs, main } from './harness.mjs';
+import { movedMap, until } from './support.mjs';
 
 const kCanvas = 'canvas.viewer-canvas';
 /** Small: rendering in software takes as long as there are pixels. */
@@ -26,8 +27,8 @@ async function settled(page) {
   }, undefined, { polling: 700, timeout: kPatienceMs });
 }
 
-async function openView(run, server, query = '', size = kSize) {
-  const page = await run.open(server, `#/view/town${query}`, { viewport: size });
+async function openView(run, server, query = '', size = kSize, map = 'town') {
+  const page = await run.open(server, `#/view/${map}${query}`, { viewport: size });
   await page.waitForSelector(kCanvas);
   await settled(page);
   return page;
@@ -69,9 +70,11 @@ async function mapPoints(server) {
   const points = [];
   for (const { level, x, y } of map.tiles.filter((tile) => tile.level === 0)) {
     const path = `/v1/maps/town/versions/${map.version}/tiles/${level}/${x}/${y}`;
-    const view = new DataView(await (await fetch(server.origin + path)).arrayBuffer());
+    const answer = await fetch(server.origin + path);
+    const corner = answer.headers.get('Stillmap-Tile-Corner').split(',').map(Number);
+    const view = new DataView(await answer.arrayBuffer());
     for (let at = 0; at < view.byteLength; at += 20) {
-      const place = [0, 1, 2].map((axis) => view.getFloat32(at + 4 * axis, true) + map.origin[axis]);
+      const place = [0, 1, 2].map((axis) => view.getFloat32(at + 4 * axis, true) + corner[axis]);
       points.push({ place, intensity: view.getFloat32(at + 12, true), kind: view.getUint8(at + 18) });
     }
   }
@@ -291,6 +294,34 @@ async function trouble(run) {
   run.expect(true, 'a map that is not there is said');
 }
 
+async function far(run) {
+  const server = await run.shared();
+  const { folder, shift } = movedMap(run, 1562);
+  run.stillmap('store', 'add', server.store, 'far', 'v1', folder, '--activate');
+  await until('the far map is served', async () => (await fetch(`${server.origin}/v1/maps/far`)).ok);
+  const { points, map } = await mapPoints(server);
+  const at = points[Math.floor(points.length / 2)].place.map(Math.round);
+  run.expect(map.origin[0] < 1000 && shift > 999_000, `the map is moved by ${shift} m from its origin`);
+  // So near that the floats of 1,000 km, 60 mm apart, would show. Colours by height follow the tile that came first.
+  const pictures = [];
+  for (const [name, moved] of [['town', 0], ['far', shift]]) {
+    const camera = [at[0] + moved - 3, at[1] - 3, at[2] + 3, at[0] + moved, at[1], at[2]];
+    const page = await openView(run, server, `?camera=${camera.join()}&with=objects.trajectory&colour=kind`, kSize, name);
+    await page.waitForSelector('label:has-text("Trajectory") >> text=/\\d/');
+    await run.screenshot(page, `view_at_${name}`);
+    pictures.push({ page, moved, png: await page.locator(kCanvas).screenshot() });
+  }
+  const [here, there] = pictures;
+  run.expect(here.png.equals(there.png), 'a map 1,000 km from its origin is the same picture, pixel by pixel');
+  const { x, y } = await middle(there.page);
+  const under = async ({ page, moved }) => {
+    const [px, py, pz] = await readOut(page, x, y);
+    return [px - moved, py, pz];
+  };
+  const off = apart(await under(here), await under(there));
+  run.expect(off < 0.011, `and the same point is under the pointer: ${off.toFixed(3)} m`);
+}
+
 /** Eye and target of the view that the address names. */
 const cameraOf = (page) => page.evaluate(() => {
   const [ex, ey, ez, ...target] = new URLSearchParams(location.hash.split('?')[1]).get('camera').split(',').map(Number);
@@ -463,4 +494,4 @@ async function graphics(run) {
   run.expect(true, 'a browser without WebGL is told so');
 }
 
-await main({ pictures, idle, coordinates, clipAndExport, section, objects, painted, sharing, clipped, touch, trouble, revoked, graphics });
+await main({ pictures, idle, coordinates, clipAndExport, section, objects, painted, sharing, far, clipped, touch, trouble, revoked, graphics });

@@ -9,6 +9,7 @@
 #include "store/package_store.hpp"
 
 #include <chrono>
+#include <cstdio>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -131,7 +132,25 @@ TEST_F(PoseOverHttp, EveryTileThatIsListedIsServed) {
                              tile["y"].dump();
     auto response = client().Get(path);
     ASSERT_EQ(response->status, 200) << path;
-    EXPECT_EQ(response->body.size(), 20 * tile["points"].get<std::size_t>()) << path;
+    const auto count = tile["points"].get<std::size_t>();
+    ASSERT_EQ(response->body.size(), 20 * count) << path;
+    // Added to the points it gives the map frame, where the map says that they lie.
+    Eigen::Vector3d corner;
+    ASSERT_EQ(std::sscanf(response->get_header_value("Stillmap-Tile-Corner").c_str(),
+                          "%lf, %lf, %lf", &corner.x(), &corner.y(), &corner.z()),
+              3);
+    Eigen::AlignedBox3d found;
+    for (std::size_t i = 0; i < count; ++i) {
+      Eigen::Vector3f p;
+      std::memcpy(p.data(), response->body.data() + 20 * i, sizeof(float) * 3);
+      found.extend(corner + p.cast<double>());
+    }
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      const auto number = static_cast<std::size_t>(axis);
+      const double origin = map["origin"][number].get<double>();
+      EXPECT_NEAR(found.min()[axis], origin + tile["min"][number].get<double>(), 1e-5) << path;
+      EXPECT_NEAR(found.max()[axis], origin + tile["max"][number].get<double>(), 1e-5) << path;
+    }
   }
 }
 

@@ -11,6 +11,8 @@ import gc
 import json
 import os
 import pathlib
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -38,12 +40,33 @@ class Maps(WithFolder):
     def test_points_of_all_tiles_are_points_of_the_map(self):
         opened = stillmap.open_map(MAP)
         tiles = np.concatenate([opened.tile(x, y) for x, y in opened.tiles])
+        corners = np.concatenate([np.tile(opened.tile_corner(x, y), (len(opened.tile(x, y)), 1)) for x, y in opened.tiles])
         points = stillmap.map_points(opened)
-        own = np.stack([tiles[axis] for axis in "xyz"], axis=1).astype(np.float64) + opened.origin
+        own = np.stack([tiles[axis] for axis in "xyz"], axis=1).astype(np.float64) + corners
         np.testing.assert_array_equal(points.xyz, own)
         np.testing.assert_array_equal(points.kind, tiles["kind"])
         np.testing.assert_array_equal(points.observations, tiles["observations"])
         self.assertEqual(len(points), opened.manifest["counts"]["static"])
+
+    def test_a_map_far_from_its_origin_has_the_same_tiles(self):
+        """Its regions have other names, 1,000 km to the east; what lies in a region does not say where that is."""
+        regions = 1562
+        files = {}
+        manifest = json.loads((MAP / "manifest.json").read_text())
+        for name, listed in manifest["files"].items():
+            moved = re.sub(r"^regions/(-?\d+)_", lambda found: f"regions/{int(found[1]) + regions}_", name)
+            (self.folder / "far" / moved).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(MAP / name, self.folder / "far" / moved)
+            files[moved] = listed
+        (self.folder / "far/manifest.json").write_text(json.dumps({**manifest, "files": files}))
+        here, far = stillmap.open_map(MAP), stillmap.open_map(self.folder / "far")
+        shift = np.array([regions * 640.0, 0, 0])
+        self.assertGreater(shift[0], 999_000)
+        for x, y in here.tiles:
+            np.testing.assert_array_equal(here.tile(x, y), far.tile(x + 32 * regions, y))
+            np.testing.assert_array_equal(here.tile_corner(x, y) + shift, far.tile_corner(x + 32 * regions, y))
+        np.testing.assert_array_equal(stillmap.map_points(here).xyz, stillmap.map_points(far).xyz - shift)
+        np.testing.assert_array_equal(here.tile_corner(-1, 2, level=3), here.origin + [-160, 320, 0])
 
     def test_neighbouring_boxes_share_no_point_and_leave_none_out(self):
         opened = stillmap.open_map(MAP)

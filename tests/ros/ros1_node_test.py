@@ -142,10 +142,13 @@ class Listener:
     def __init__(self):
         self.changed = threading.Condition()
         self.poses, self.transforms, self.odometry, self.tiles, self.health = [], [], {}, [], []
+        self.frames = {}
         for topic, kind, take in (
                 (NODE_NAME + "/pose", geometry_msgs.msg.PoseWithCovarianceStamped, self.poses.append),
                 (NODE_NAME + "/map_tiles", sensor_msgs.msg.PointCloud2, self.tiles.append),
                 ("/tf", tf2_msgs.msg.TFMessage, lambda message: self.transforms.extend(message.transforms)),
+                ("/tf_static", tf2_msgs.msg.TFMessage,
+                 lambda message: self.frames.update({each.child_frame_id: each for each in message.transforms})),
                 ("/odom", nav_msgs.msg.Odometry,
                  lambda message: self.odometry.__setitem__(message.header.stamp.to_nsec(), motion_of(message.pose.pose))),
                 ("/diagnostics", DiagnosticArray, lambda message: self.health.extend(message.status))):
@@ -253,7 +256,14 @@ class NodeTest(unittest.TestCase):
         player = self.play(1)
         self.assertEqual(player.wait(60), 0)
         self.heard.wait(lambda: len(self.heard.poses) >= len(self.drive.scans) // 4, "poses")
-        self.heard.wait(lambda: self.heard.tiles, "map tiles")
+        self.heard.wait(lambda: self.heard.tiles and "map_tiles" in self.heard.frames, "map tiles and their frame")
+        cloud, frame = self.heard.tiles[-1], self.heard.frames["map_tiles"]
+        self.assertEqual((cloud.header.frame_id, frame.header.frame_id), ("map_tiles", "map"))
+        self.assertEqual([frame.transform.translation.x % 1000, frame.transform.translation.y % 1000], [0, 0])
+        xyz = numpy.frombuffer(cloud.data, "<f4").reshape(-1, 4)[:, :3].astype(float)
+        xyz += [getattr(frame.transform.translation, axis) for axis in "xyz"]
+        way = numpy.array([T[:3, 3] for T in self.drive.T_map_base.values()])
+        self.assertLess(numpy.abs(numpy.median(xyz, axis=0) - numpy.median(way, axis=0)).max(), 60)
         estimates = [(each.header.stamp.to_nsec(), motion_of(each.pose.pose)) for each in self.heard.poses]
         self.assertEqual({each.header.frame_id for each in self.heard.poses}, {"map"})
         off = numpy.array(list(self.errors_m_rad(estimates)))

@@ -230,4 +230,9 @@ class TransformBroadcaster {
   explicit TransformBroadcaster(rclcpp::Node& node);
   void sendTransform(const geometry_msgs::msg::TransformStamped& transform);
 };
+class StaticTransformBroadcaster {
+ public:
+  explicit StaticTransformBroadcaster(rclcpp::Node& node);
+  void sendTransform(const geometry_msgs::msg::TransformStamped& transform);
+};
 }  // namespace tf2_ros

@@ -186,7 +186,7 @@ class Trials:
             other = f"v{next(self.made)}"
             self.make("add", other, self.packages[2].digest)
         if operation == "mend":
-            tile = next((self.store / "packages" / self.model.versions[other] / "tiles").iterdir())
+            tile = next((self.store / "packages" / self.model.versions[other] / "packs").iterdir())
             tile.write_bytes(bytes(tile.stat().st_size))
             return ("add", other, self.model.versions[other])
         return (operation.split()[0], other) if operation != "roll_back" else ("roll_back",)

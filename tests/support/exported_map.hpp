@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "support/package_steps.hpp"
+
 namespace stillmap::test {
 
 /// A point of a small map, in map coordinates less its origin.

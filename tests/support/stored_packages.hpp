@@ -9,10 +9,19 @@
 #include <utility>
 #include <vector>
 
+#include "support/package_steps.hpp"
+
 namespace stillmap::test {
 
+/// Name of the file in a package that a tile lies in, relative to the package.
+inline std::string pack_of(const std::filesystem::path& package, maps::TileId tile = {}) {
+  const std::string name = maps::MapPackage::open(package)->stored_name(tile).file;
+  const std::filesystem::path file = name.substr(0, name.find(", tile"));
+  return file.lexically_relative(package).string();
+}
+
 /// Writes a small map package whose content, and so its digest, depends on the seed.
-/// @param points  20 bytes each.
+/// @param points  of one tile.
 /// @return its digest.
 inline std::string write_package(const std::filesystem::path& target, int seed,
                                  std::size_t points = 100,

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "support/package_steps.hpp"
 #include "support/synthetic_world.hpp"
 
 namespace stillmap::test {

@@ -215,8 +215,16 @@ void bind_maps(py::module_& module) {
           "tile",
           [](const MapHandle& self, std::int32_t x, std::int32_t y, std::uint32_t level) {
             return records_of(self, [&](const MapPackage& package) {
-              return package.tile(tile_id(x, y, level)).points_from_origin();
+              const maps::TileId id = tile_id(x, y, level);
+              return package.tile(id).points_from(maps::corner_of(id));
             });
+          },
+          py::arg("x"), py::arg("y"), py::kw_only(), py::arg("level") = 0)
+      .def(
+          "tile_corner",
+          [](const MapHandle& self, std::int32_t x, std::int32_t y, std::uint32_t level) {
+            const Eigen::Vector3d& origin = self.package->manifest().origin;
+            return Eigen::Vector3d(origin + maps::corner_of(tile_id(x, y, level)));
           },
           py::arg("x"), py::arg("y"), py::kw_only(), py::arg("level") = 0)
       .def(

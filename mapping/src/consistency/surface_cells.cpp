@@ -170,16 +170,6 @@ void append_cells(const std::vector<SurfacePoint>& points, const std::vector<dou
   }
 }
 
-/// @param p  from the map's origin [m].
-void append_surface_point(maps::TileId id, const maps::MapPoint& point, const Eigen::Vector3d& p,
-                          std::vector<SurfacePoint>& out) {
-  if (!maps::is_measured(point.kind)) return;
-  const Eigen::Vector3d corner(id.x * maps::kTileSizeM, id.y * maps::kTileSizeM, 0.0);
-  out.push_back({(p - corner).cast<float>(),
-                 static_cast<float>(std::max<std::uint16_t>(1, point.observations)),
-                 point.kind == maps::PointKind::kGround});
-}
-
 /// The value below which a share of a histogram lies, evenly spread within a bin.
 double binned_quantile(const std::vector<std::uint64_t>& bins, std::uint64_t count, double share) {
   if (count == 0) return std::numeric_limits<double>::quiet_NaN();
@@ -199,19 +189,15 @@ double entropy_radius_m(double voxel_size_m) {
   return std::max(kLeastRadiusM, kRadiusVoxels * voxel_size_m);
 }
 
-std::vector<SurfacePoint> surface_points(maps::TileId id, std::span<const maps::MapPoint> points) {
-  std::vector<SurfacePoint> out;
-  out.reserve(points.size());
-  for (const maps::MapPoint& point : points)
-    append_surface_point(id, point, Eigen::Vector3d(point.x, point.y, point.z), out);
-  return out;
-}
-
 std::vector<SurfacePoint> surface_points(maps::TileId id, const maps::MapTile& tile) {
   std::vector<SurfacePoint> out;
   out.reserve(tile.size());
-  for (const maps::MapPoint& point : tile)
-    append_surface_point(id, point, tile.from_origin(point), out);
+  for (const maps::MapPoint& point : tile) {
+    if (!maps::is_measured(point.kind)) continue;
+    out.push_back({(tile.from_origin(point) - maps::corner_of(id)).cast<float>(),
+                   static_cast<float>(std::max<std::uint16_t>(1, point.observations)),
+                   point.kind == maps::PointKind::kGround});
+  }
   return out;
 }
 

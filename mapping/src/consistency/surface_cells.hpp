@@ -8,7 +8,6 @@
 #include <array>
 #include <cstdint>
 #include <limits>
-#include <span>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -39,11 +38,7 @@ struct SurfaceCell {
   [[nodiscard]] bool has_thickness() const { return thickness_m == thickness_m; }
 };
 
-/// The measured points of a tile.
-/// @param id      whose corner the positions are counted from.
-/// @param points  relative to the map's origin.
-[[nodiscard]] std::vector<SurfacePoint> surface_points(maps::TileId id,
-                                                       std::span<const maps::MapPoint> points);
+/// The measured points of a tile. @param id  whose corner the positions are counted from.
 [[nodiscard]] std::vector<SurfacePoint> surface_points(maps::TileId id, const maps::MapTile& tile);
 
 /// The cells of a tile that hold a point, by key. Of voxels finer than 0.2 m one point in

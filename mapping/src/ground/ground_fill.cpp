@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kMinConfidence = 0.05;
 /// A point this far from the surface is no ground of it [m]; also what completeness is judged by.
-constexpr float kOnGroundM = 0.05F;
+constexpr double kOnGroundM = 0.05;
 
 /// The columns of voxels of one tile.
 class Columns {
@@ -46,27 +46,27 @@ class Columns {
     }
   }
 
-  void take(const maps::MapPoint& p) {
-    if (p.kind != maps::PointKind::kGround && p.kind != maps::PointKind::kProjected) return;
-    const std::int64_t x = column_of(static_cast<double>(p.x), 0);
-    const std::int64_t y = column_of(static_cast<double>(p.y), 1);
+  void take(const Eigen::Vector3d& p, maps::PointKind kind) {
+    if (kind != maps::PointKind::kGround && kind != maps::PointKind::kProjected) return;
+    const std::int64_t x = column_of(p.x(), 0);
+    const std::int64_t y = column_of(p.y(), 1);
     constexpr std::array<std::array<int, 2>, 5> kCross = {
         {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}}};
     for (const auto& [dx, dy] : kCross) {
       if (!inside(x + dx, y + dy)) continue;
       const std::size_t n = number(x + dx, y + dy);
       // NaN, no footprint, fails.
-      if (std::abs(p.z - heights_[n]) <= kOnGroundM) taken_[n] = 1;
+      if (std::abs(p.z() - heights_[n]) <= kOnGroundM) taken_[n] = 1;
     }
   }
 
-  [[nodiscard]] std::vector<Eigen::Vector3f> open() const {
-    std::vector<Eigen::Vector3f> points;
+  [[nodiscard]] std::vector<Eigen::Vector3d> open() const {
+    std::vector<Eigen::Vector3d> points;
     for (std::int64_t y = 0; y < counts_[1]; ++y) {
       for (std::int64_t x = 0; x < counts_[0]; ++x) {
         const std::size_t n = number(x, y);
         if (taken_[n] != 0 || std::isnan(heights_[n])) continue;
-        const Eigen::Vector2f p = middle(x, y).cast<float>();
+        const Eigen::Vector2d p = middle(x, y);
         points.emplace_back(p.x(), p.y(), heights_[n]);
       }
     }
@@ -110,7 +110,7 @@ class Columns {
 
 }  // namespace
 
-std::vector<Eigen::Vector3f> fill_ground(maps::TileId tile, std::span<const maps::MapPoint> points,
+std::vector<Eigen::Vector3d> fill_ground(maps::TileId tile, const maps::MapTile& points,
                                          std::span<const GroundFootprint> footprints,
                                          const FusedGround& ground, double voxel_m) {
   if (tile.level != 0 || !(voxel_m > 0.0)) {
@@ -123,7 +123,7 @@ std::vector<Eigen::Vector3f> fill_ground(maps::TileId tile, std::span<const maps
   if (here.empty()) return {};
   Columns columns(tile, voxel_m);
   for (const GroundFootprint& footprint : here) columns.cover(footprint, ground);
-  for (const maps::MapPoint& p : points) columns.take(p);
+  for (const maps::MapPoint& p : points) columns.take(points.from_origin(p), p.kind);
   return columns.open();
 }
 

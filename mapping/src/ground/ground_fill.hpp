@@ -33,8 +33,8 @@ namespace stillmap::mapping {
 /// @throws std::invalid_argument for a tile of another level, or a voxel that is not above zero.
 /// @note   Pure, so safe from several threads. Along a tile's border the neighbour's points are not
 ///         seen: a filled point may stand beside one of them.
-[[nodiscard]] std::vector<Eigen::Vector3f> fill_ground(maps::TileId tile,
-                                                       std::span<const maps::MapPoint> points,
+[[nodiscard]] std::vector<Eigen::Vector3d> fill_ground(maps::TileId tile,
+                                                       const maps::MapTile& points,
                                                        std::span<const GroundFootprint> footprints,
                                                        const FusedGround& ground, double voxel_m);
 

@@ -457,7 +457,7 @@ MapImportResult import_map(const std::filesystem::path& file, const std::filesys
   MapImportResult result;
   CloudImport cloud(file, options, progress, cancel, result);
   const VoxelGrid grid(cloud.measure(), options.voxel_size_m);
-  maps::MapPackageWriter writer(target, {}, maps::kPackageSchema);
+  maps::MapPackageWriter writer(target);
   const std::filesystem::path scratch = writer.folder() / "scratch";
   {
     TileStack stack(scratch, kMostVoxels);

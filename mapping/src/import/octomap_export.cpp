@@ -13,15 +13,16 @@ namespace {
 constexpr double kResolutionM = 0.2;
 constexpr std::size_t kMostLeaves = 50'000'000;
 
-/// The chosen points of a tile, into leaves. @return how many they are.
+/// The chosen points of a tile, into leaves. @param origin  taken off their coordinates.
+/// @return how many they are.
 std::size_t add_tile(const maps::MapPackage& map, maps::TileId id,
-                     const maps::MapExportOptions& options, octomap::OcTree& tree) {
-  const bool is_local = options.frame == maps::ExportFrame::kLocal;
+                     const maps::MapExportOptions& options, const Eigen::Vector3d& origin,
+                     octomap::OcTree& tree) {
   std::size_t points = 0;
   const maps::MapTile tile = map.tile(id);
   for (const maps::MapPoint& point : tile) {
     if (options.without.contains(point.kind)) continue;
-    const Eigen::Vector3d p = is_local ? tile.from_origin(point) : tile.position(point);
+    const Eigen::Vector3d p = tile.from_origin(point) + (map.manifest().origin - origin);
     octomap::OcTreeKey key;
     if (!tree.coordToKeyChecked(p.x(), p.y(), p.z(), key))
       throw maps::InputError(
@@ -61,12 +62,12 @@ maps::MapExportResult export_octomap(const maps::MapPackage& map,
                                      const maps::MapExportOptions& options) {
   maps::check_export_options(octomap_format(), options);
   maps::MapExportResult result;
-  if (options.frame == maps::ExportFrame::kLocal) result.origin = map.manifest().origin;
+  if (options.frame == maps::ExportFrame::kLocal) result.origin = maps::local_origin(map);
   octomap::OcTree tree(options.resolution_m.value_or(kResolutionM));
   std::size_t points = 0, done = 0;
   const auto& tiles = map.manifest().tiles;
   for (const maps::TileEntry& tile : tiles) {
-    if (tile.id.level == 0) points += add_tile(map, tile.id, options, tree);
+    if (tile.id.level == 0) points += add_tile(map, tile.id, options, result.origin, tree);
     if (tree.size() > kMostLeaves)
       throw maps::InputError(map.folder().string(), fmt::format("more than {} nodes", kMostLeaves),
                              "a coarser --resolution");

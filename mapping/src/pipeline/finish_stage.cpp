@@ -161,14 +161,12 @@ class TileWork {
 
   void fill(FinishedTile& out) const {
     const StageTimer timer(out.stage_seconds, "fill");
-    const std::vector<Eigen::Vector3f> filled =
-        fill_ground(out.tile.id, out.tile.placed(grid_.origin()).points_from_origin(), footprints_,
-                    ground_, grid_.voxel_size_m());
-    for (const Eigen::Vector3f& p : filled) {
-      const auto under = std::find_if(footprints_.begin(), footprints_.end(),
-                                      [&](const GroundFootprint& footprint) {
-                                        return footprint.covers(p.head<2>().cast<double>());
-                                      });
+    const std::vector<Eigen::Vector3d> filled = fill_ground(
+        out.tile.id, out.tile.placed(grid_.origin()), footprints_, ground_, grid_.voxel_size_m());
+    for (const Eigen::Vector3d& p : filled) {
+      const auto under = std::find_if(
+          footprints_.begin(), footprints_.end(),
+          [&](const GroundFootprint& footprint) { return footprint.covers(p.head<2>()); });
       const bool known = under != footprints_.end();
       add_filled(p, known ? numbers_[static_cast<std::size_t>(under - footprints_.begin())] : 0,
                  out.tile);

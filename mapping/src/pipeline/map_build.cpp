@@ -150,8 +150,7 @@ MapBuildResult build_map(const std::vector<std::filesystem::path>& folders,
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
   std::vector<maps::Drive> drives = open_drives(folders, options);
   std::vector<std::string> notes = fit_imus(drives, options, progress, cancel);
-  maps::MapPackageWriter writer(target, options.journal_folder ? "" : kJournalFolder,
-                                maps::kPackageSchema);
+  maps::MapPackageWriter writer(target, options.journal_folder ? "" : kJournalFolder);
   const std::filesystem::path journal_folder =
       options.journal_folder.value_or(writer.folder() / kJournalFolder);
   try {

@@ -205,6 +205,7 @@ std::vector<SurfacePoint> previous_points(const maps::MapPackage& previous,
                                           const std::vector<maps::TileId>& tiles,
                                           const Eigen::Isometry3d& T_map_previous,
                                           const Eigen::Vector3d& map_origin, maps::TileId into) {
+  const Eigen::Vector3d corner = maps::corner_of(into);
   std::vector<maps::MapPoint> moved;
   for (const maps::TileId id : tiles) {
     const maps::MapTile tile = previous.tile(id);
@@ -212,10 +213,10 @@ std::vector<SurfacePoint> previous_points(const maps::MapPackage& previous,
       const Eigen::Vector3d p = T_map_previous * tile.position(point) - map_origin;
       if (std::floor(p.x() / maps::kTileSizeM) == into.x &&
           std::floor(p.y() / maps::kTileSizeM) == into.y)
-        moved.push_back(maps::moved_to(point, p));
+        moved.push_back(maps::moved_to(point, p - corner));
     }
   }
-  return surface_points(into, moved);
+  return surface_points(into, {map_origin, corner, std::move(moved)});
 }
 
 /// What two versions have in common.

@@ -121,8 +121,8 @@ TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector
   return out;
 }
 
-void add_filled(const Eigen::Vector3f& filled, std::uint32_t object, TilePoints& tile) {
-  const Eigen::Vector3f p = maps::in_steps(filled.cast<double>() - corner_of(tile.id));
+void add_filled(const Eigen::Vector3d& filled, std::uint32_t object, TilePoints& tile) {
+  const Eigen::Vector3f p = maps::in_steps(filled - corner_of(tile.id));
   tile.points.push_back(
       {p.x(), p.y(), p.z(), 0.0F, 0, maps::PointKind::kFilled, short_number(object)});
   tile.history.push_back({0, 0, object, {0, 0, 0}, 0});

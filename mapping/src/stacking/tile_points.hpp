@@ -24,11 +24,6 @@ struct TilePoints {
   /// @param origin  of the map.
   [[nodiscard]] maps::MapTile placed(const Eigen::Vector3d& origin) const;
 };
-/// Where a tile begins, from the map's origin [m].
-[[nodiscard]] inline Eigen::Vector3d corner_of(maps::TileId tile) {
-  return {maps::kTileSizeM * tile.x, maps::kTileSizeM * tile.y, 0.0};
-}
-
 /// The mean of a voxel, from the map's origin [m].
 [[nodiscard]] Eigen::Vector3d mean_of(const VoxelGrid& grid, maps::TileId tile,
                                       const VoxelSum& sum);
@@ -53,6 +48,6 @@ struct TilePoints {
 
 /// Adds a point of synthetic ground, in steps as above. @param object  number of the object that
 /// stood there plus 1.
-void add_filled(const Eigen::Vector3f& filled, std::uint32_t object, TilePoints& tile);
+void add_filled(const Eigen::Vector3d& filled, std::uint32_t object, TilePoints& tile);
 
 }  // namespace stillmap::mapping

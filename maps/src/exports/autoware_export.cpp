@@ -171,7 +171,7 @@ void write_text(const fs::path& path, std::string_view text) {
 
 void export_autoware(ExportJob& job) {
   // Those of `LocalCartesianUTM` count from the same origin.
-  require_fine_floats(job.map,
+  require_fine_floats(job.map, job.result.origin,
                       "coordinates near zero, as Autoware's own maps have them: build the map from "
                       "poses near zero");
   count_chosen(job);

@@ -12,14 +12,13 @@
 namespace stillmap::maps {
 namespace {
 
-/// Floats are 1 mm coarse below it, 2 mm from there on.
-constexpr double kCoarseFromM = 16384.0;
 /// Of a text of the package in a file's header [bytes].
 constexpr std::size_t kMostOfLine = 128;
 
 }  // namespace
 
 FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame) : frame_(frame) {
+  if (frame == ExportFrame::kLocal) local_ = local_origin(map) - map.manifest().origin;
   if (frame != ExportFrame::kUtm && frame != ExportFrame::kMgrs) return;
   const auto& place = map.manifest().geodetic_origin;
   const auto zone = place ? utm_zone_of(*place) : std::nullopt;
@@ -32,14 +31,14 @@ FileCoordinates::FileCoordinates(const MapPackage& map, ExportFrame frame) : fra
 }
 
 Eigen::Vector3d FileCoordinates::operator()(const MapTile& tile, const MapPoint& point) const {
-  if (frame_ == ExportFrame::kLocal) return tile.from_origin(point);
+  if (frame_ == ExportFrame::kLocal) return tile.from_origin(point) - local_;
   return utm_ ? utm_->to_utm(tile.position(point)) : tile.position(point);
 }
 
-void require_fine_floats(const MapPackage& map, const char* remedy) {
+void require_fine_floats(const MapPackage& map, const Eigen::Vector3d& origin, const char* remedy) {
   double largest_m = 0.0;
   for (const TileEntry& tile : point_tiles(map)) {
-    const Eigen::AlignedBox3d bounds = map.manifest().bounds_of(tile);
+    const Eigen::AlignedBox3d bounds = map.manifest().bounds_of(tile).translated(-origin);
     for (const Eigen::Vector3d& corner : {bounds.min(), bounds.max()})
       largest_m = std::max(largest_m, corner.cwiseAbs().maxCoeff());
   }
@@ -63,7 +62,7 @@ std::vector<std::string> frame_lines(const MapPackage& map, const FileCoordinate
       fmt::format("stillmap {} map {} frame {}", one_line(manifest.software_version, kMostOfLine),
                   map.digest().substr(0, 12), one_line(manifest.frame_id, kMostOfLine))};
   if (coordinates.frame() == ExportFrame::kLocal)
-    lines.push_back("map coordinates = these + origin " + exact_text(manifest.origin));
+    lines.push_back("map coordinates = these + origin " + exact_text(local_origin(map)));
   if (const auto& utm = coordinates.utm())
     lines.push_back(
         fmt::format("coordinates EPSG:{}, height above the WGS 84 ellipsoid", utm->zone().epsg()));

@@ -25,12 +25,18 @@ class FileCoordinates {
 
  private:
   ExportFrame frame_;
+  /// Of kLocal, from the map's origin.
+  Eigen::Vector3d local_ = Eigen::Vector3d::Zero();
   std::optional<UtmProjection> utm_;
 };
 
-/// @throws InputError naming the largest coordinate of the map, and what to do about it, when
-/// coordinates of kMap lose more than half a millimetre in 32-bit floats.
-void require_fine_floats(const MapPackage& map, const char* remedy);
+/// Floats are 1 mm coarse below it [m], 2 mm from there on.
+inline constexpr double kCoarseFromM = 16384.0;
+
+/// @param origin  what is taken off the coordinates of the map frame.
+/// @throws InputError naming the largest coordinate that is left, and what to do about it, when
+/// 32-bit floats lose more than half a millimetre of it.
+void require_fine_floats(const MapPackage& map, const Eigen::Vector3d& origin, const char* remedy);
 
 /// "x y z" with as many digits as bring the doubles back.
 [[nodiscard]] std::string exact_text(const Eigen::Vector3d& p);

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "exports/exporters.hpp"
+#include "exports/file_coordinates.hpp"
 
 namespace stillmap::maps {
 namespace {
@@ -182,6 +183,18 @@ void check_export_options(const MapExportFormat& format, const MapExportOptions&
                   *options.frame == kUtm ? " (32-bit floats are half a metre coarse in UTM)" : ""));
 }
 
+Eigen::Vector3d local_origin(const MapPackage& map) {
+  constexpr double kKilometreM = 1000.0;
+  Eigen::AlignedBox3d bounds;
+  for (const TileEntry& tile : point_tiles(map)) bounds.extend(tile.from_origin());
+  const Eigen::Vector3d& origin = map.manifest().origin;
+  if (bounds.isEmpty() ||
+      bounds.min().cwiseAbs().cwiseMax(bounds.max().cwiseAbs()).maxCoeff() < kCoarseFromM)
+    return origin;
+  const Eigen::Vector3d kilometres = (bounds.center() / kKilometreM).array().round();
+  return origin + kKilometreM * kilometres;
+}
+
 MapExportResult export_map(const MapPackage& map, std::string_view format,
                            const std::filesystem::path& target, const MapExportOptions& options) {
   const Row& row = row_of(format);
@@ -189,7 +202,7 @@ MapExportResult export_map(const MapPackage& map, std::string_view format,
   MapExportResult result;
   ExportJob job{map, options, frame_of(row.format, options, map), {}, result};
   job.tell({0.0, 0.0}, 0, 1);
-  if (job.frame == kLocal) result.origin = map.manifest().origin;
+  if (job.frame == kLocal) result.origin = local_origin(map);
   const auto& facts = map.manifest().options;
   if (const auto taken = facts.find("taken_as_wgs84"); taken != facts.end())
     result.notes.push_back("the import took as WGS 84 what may be metres off: " + taken->second);

@@ -98,8 +98,8 @@ void write_picture(ExportJob& job, const OccupancyGrid& grid) {
 }
 
 void write_yaml(const ExportJob& job, const OccupancyGrid& grid, double resolution_m) {
-  Eigen::Vector2d corner = grid.min();
-  if (job.frame == ExportFrame::kMap) corner += job.map.manifest().origin.head<2>();
+  const Eigen::Vector2d corner =
+      grid.min() + (job.map.manifest().origin - job.result.origin).head<2>();
   OutputFile file(job.target / "map.yaml");
   file.write(fmt::format(
       "image: map.pgm\nmode: trinary\nresolution: {}\norigin: [{:.6f}, {:.6f}, 0.0]\nnegate: 0\n"

@@ -26,10 +26,11 @@ void put_pcd_point(OutputFile& file, const Eigen::Vector3f& p, float intensity) 
 }
 
 void export_pcd(ExportJob& job) {
-  if (job.frame == ExportFrame::kMap)
-    require_fine_floats(
-        job.map,
-        "finer ones: give --coordinates local (less the map's origin), or --format ply or las");
+  require_fine_floats(job.map, job.result.origin,
+                      job.frame == ExportFrame::kMap
+                          ? "finer ones: give --coordinates local (from a place in the map), or "
+                            "--format ply or las"
+                          : "finer ones: give --format ply or las");
   const FileCoordinates coordinates(job.map, job.frame);
   const std::uint64_t points = count_chosen(job);
   OutputFile file(job.target);

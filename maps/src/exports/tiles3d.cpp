@@ -58,12 +58,13 @@ void export_tiles3d(ExportJob& job) {
       for (const TileEntry& tile : map.manifest().tiles) {
         if (tile.id.level != 0) continue;
         tiles.push_back(tile);
-        files.write(tile.id, "glb", glb_of(tile, map.tile(tile.id).points_from_origin()));
+        files.write(tile.id, "glb",
+                    glb_of(tile, map.tile(tile.id).points_from(corner_of(tile.id))));
       }
     }
     for (const TileRow& row : levels.rows()) {
-      tiles.push_back(row.entry());
-      files.write(row.id(), "glb", glb_of(row.entry(), levels.read(row)));
+      tiles.push_back(row.entry(row.id()));
+      files.write(row.id(), "glb", glb_of(tiles.back(), levels.read(row)));
     }
   }
   for (const TileEntry& tile : tiles) job.result.points += tile.id.level == 0 ? tile.points : 0;

@@ -26,22 +26,26 @@ void put(std::string& bytes, std::uint32_t value) {
   bytes.append(raw.data(), raw.size());
 }
 
-/// All digits of the floats, so that a reader of doubles has the very same.
-std::string numbers(const Eigen::Vector3d& xyz) {
-  return fmt::format("{},{},{}", xyz.x(), xyz.y(), xyz.z());
+/// As the floats of the points, with all their digits, so that a reader of doubles has the same.
+std::string bound(const Eigen::Vector3d& xyz) {
+  const Eigen::Vector3d floats = xyz.cast<float>().cast<double>();
+  return fmt::format("{},{},{}", floats.x(), floats.y(), floats.z());
 }
 
 std::string json_of(const TileEntry& tile, std::uint64_t bytes) {
+  const Eigen::Vector3d corner = corner_of(tile.id);
+  const Eigen::AlignedBox3d box = tile.from_origin().translated(-corner);
   return fmt::format(
       R"({{"asset":{{"version":"2.0","generator":"stillmap"}},"scene":0,"scenes":[{{"nodes":[0]}}],)"
-      R"("nodes":[{{"mesh":0,"matrix":[1,0,0,0,0,0,-1,0,0,1,0,0,0,0,0,1]}}],)"
+      R"("nodes":[{{"mesh":0,"matrix":[1,0,0,0,0,0,-1,0,0,1,0,0,{4},{5},{6},1]}}],)"
       R"("meshes":[{{"primitives":[{{"mode":0,"attributes":{{"POSITION":0,"_INTENSITY":1,"_POINT":2}}}}]}}],)"
       R"("buffers":[{{"byteLength":{0}}}],)"
       R"("bufferViews":[{{"buffer":0,"byteLength":{0},"byteStride":20,"target":34962}}],)"
       R"("accessors":[{{"bufferView":0,"componentType":5126,"count":{1},"type":"VEC3","min":[{2}],"max":[{3}]}},)"
       R"({{"bufferView":0,"byteOffset":12,"componentType":5126,"count":{1},"type":"SCALAR"}},)"
       R"({{"bufferView":0,"byteOffset":16,"componentType":5121,"count":{1},"type":"VEC4"}}]}})",
-      bytes, tile.points, numbers(tile.from_origin().min()), numbers(tile.from_origin().max()));
+      bytes, tile.points, bound(box.min()), bound(box.max()), corner.x(), corner.z(),
+      0.0 - corner.y());
 }
 
 }  // namespace

@@ -40,7 +40,7 @@ LevelWriter::LevelWriter(const MapPackage& map, TileFileWriter& writer, const De
 
 void LevelWriter::write_own_level(const std::set<PointKind>& without) {
   for (const TileRow& row : below_) {
-    std::vector<MapPoint> points = map_.tile(row.id()).points_from_origin();
+    std::vector<MapPoint> points = map_.tile(row.id()).points_from(corner_of(row.id()));
     std::erase_if(points, [&](const MapPoint& p) { return without.contains(p.kind); });
     if (!points.empty()) writer_.add(row.id(), points);
   }
@@ -73,13 +73,13 @@ std::vector<MapPoint> LevelWriter::made(const Parent& parent) const {
   std::vector<MapPoint> points;
   for (const std::size_t child : parent.children) {
     const TileRow& row = below_[child];
-    const std::vector<MapPoint> tile =
-        lies_in_file(row) ? writer_.read(row) : map_.tile(row.id()).points_from_origin();
-    points.insert(points.end(), tile.begin(), tile.end());
+    MapTile tile = lies_in_file(row)
+                       ? MapTile(Eigen::Vector3d::Zero(), corner_of(row.id()), writer_.read(row))
+                       : map_.tile(row.id());
+    const std::vector<MapPoint> placed = std::move(tile).points_from(corner_of(parent.id));
+    points.insert(points.end(), placed.begin(), placed.end());
   }
-  const double width_m = std::ldexp(kTileSizeM, static_cast<int>(parent.id.level));
-  return thinned_by_voxel(points, parent.id.x * width_m, parent.id.y * width_m,
-                          MapLevels::voxel_m(map_.manifest(), parent.id.level));
+  return thinned_by_voxel(points, MapLevels::voxel_m(map_.manifest(), parent.id.level));
 }
 
 /// As many tiles at a time as there are threads, written in their order.

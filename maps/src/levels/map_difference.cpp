@@ -37,16 +37,15 @@ std::string key_of(const MapPackage& version, const MapPackage& other, double to
 /// Answers whether a point has another one near it.
 class Nearness {
  public:
-  /// @param x, y  a place near all points, so that floats keep their digits.
-  Nearness(const std::vector<MapPoint>& points, double x, double y) : corner_(x, y, 0.0) {
-    for (const MapPoint& p : points) view_.points.push_back(local(p));
+  explicit Nearness(const std::vector<MapPoint>& points) {
+    for (const MapPoint& p : points) view_.points.emplace_back(p.x, p.y, p.z);
     if (!view_.points.empty()) tree_ = std::make_unique<Tree>(3, view_, Parameters(kLeafPoints));
   }
 
   [[nodiscard]] bool is_near(const MapPoint& p, double distance_m) const {
     if (!tree_) return false;
     FirstWithin found{static_cast<float>(distance_m * distance_m)};
-    const Eigen::Vector3f at = local(p);
+    const Eigen::Vector3f at(p.x, p.y, p.z);
     tree_->findNeighbors(found, at.data(), nanoflann::SearchParams());
     return found.is_found;
   }
@@ -85,11 +84,6 @@ class Nearness {
   using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, View>, View,
                                                    3, std::uint32_t>;
 
-  [[nodiscard]] Eigen::Vector3f local(const MapPoint& p) const {
-    return (Eigen::Vector3d(p.x, p.y, p.z) - corner_).cast<float>();
-  }
-
-  Eigen::Vector3d corner_;
   View view_;
   std::unique_ptr<Tree> tree_;
 };
@@ -105,7 +99,7 @@ std::vector<MapPoint> only_in(const ShiftedPoints& mine, const ShiftedPoints& th
   if (same_tile.size() == points.size() &&
       std::memcmp(same_tile.data(), points.data(), points.size() * sizeof(MapPoint)) == 0)
     return {};
-  const Nearness near(theirs.in_tile(x, y, tolerance_m), x * kTileSizeM, y * kTileSizeM);
+  const Nearness near(theirs.in_tile(x, y, tolerance_m));
   std::erase_if(points, [&](const MapPoint& p) { return near.is_near(p, tolerance_m); });
   return points;
 }
@@ -141,8 +135,7 @@ void remove_oldest(const fs::path& folder, std::uint64_t most_bytes) {
 DifferenceTile tile_of(const TileRow& row) {
   DifferenceTile tile;
   tile.side = static_cast<DifferenceSide>(row.group);
-  tile.entry = row.entry();
-  tile.entry.id.level = 0;
+  tile.entry = row.entry({.level = 0, .x = row.x, .y = row.y});
   tile.counts = {.points = row.points, .kinds = row.kinds, .area_m2 = row.squares};
   return tile;
 }

@@ -39,7 +39,7 @@ std::filesystem::path MapLevels::make(const MapPackage& map, const DerivedWork& 
 std::shared_ptr<const MapLevels> MapLevels::open(const MapPackage& map) {
   std::shared_ptr<MapLevels> levels(new MapLevels);
   levels->file_ = std::make_unique<const TileFile>(file_of(map), key_of(map));
-  for (const TileRow& row : levels->file_->rows()) levels->tiles_.push_back(row.entry());
+  for (const TileRow& row : levels->file_->rows()) levels->tiles_.push_back(row.entry(row.id()));
   if (!levels->tiles_.empty()) levels->top_ = levels->tiles_.back().id.level;
   return levels;
 }

@@ -57,6 +57,7 @@ std::vector<MapPoint> ShiftedPoints::in_tile(std::int32_t x, std::int32_t y,
   const double low_x = x * kTileSizeM - margin_m;
   const double low_y = y * kTileSizeM - margin_m;
   const double width = kTileSizeM + 2.0 * margin_m;
+  const Eigen::Vector3d corner = corner_of({.level = 0, .x = x, .y = y});
   std::vector<MapPoint> points;
   for (std::int32_t tx = tile_of(low_x - shift_.x() - kRoundingM);
        tx <= tile_of(low_x + width - shift_.x() + kRoundingM); ++tx) {
@@ -64,10 +65,10 @@ std::vector<MapPoint> ShiftedPoints::in_tile(std::int32_t x, std::int32_t y,
          ty <= tile_of(low_y + width - shift_.y() + kRoundingM); ++ty) {
       const MapTile tile = map_.tile({.level = 0, .x = tx, .y = ty});
       for (const MapPoint& own : tile) {
-        const MapPoint p = moved_to(own, tile.from_origin(own) + shift_);
-        if (p.x >= low_x && p.x < low_x + width && p.y >= low_y && p.y < low_y + width &&
-            std::isfinite(p.z))
-          points.push_back(p);
+        const Eigen::Vector3d p = tile.from_origin(own) + shift_;
+        if (p.x() >= low_x && p.x() < low_x + width && p.y() >= low_y && p.y() < low_y + width &&
+            std::isfinite(p.z()))
+          points.push_back(moved_to(own, p - corner));
       }
     }
   }

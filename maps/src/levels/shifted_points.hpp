@@ -10,8 +10,7 @@
 
 namespace stillmap::maps {
 
-/// Points of a map in the coordinates of another one of the same frame: relative to that one's
-/// origin, in that one's tiles of level 0.
+/// Points of a map in the tiles of level 0 of another one of the same frame.
 class ShiftedPoints {
  public:
   /// @param map  outlives this. @throws InputError for origins farther apart than the Earth is
@@ -20,8 +19,8 @@ class ShiftedPoints {
 
   /// Those tiles that its points may lie in, by x and y.
   [[nodiscard]] std::set<std::pair<std::int32_t, std::int32_t>> tiles() const;
-  /// Points of a tile and those within a margin around it [m]; without one, each point of the map
-  /// is in one tile.
+  /// Points of a tile and those within a margin around it [m], from its corner; without a margin,
+  /// each point of the map is in one tile.
   [[nodiscard]] std::vector<MapPoint> in_tile(std::int32_t x, std::int32_t y,
                                               double margin_m = 0.0) const;
 

@@ -19,12 +19,12 @@ namespace stillmap::maps {
 namespace {
 
 constexpr SectionFormat kTileFile = {
-    {'s', 't', 'i', 'l', 'l', 't', 'l', 's'}, 2, alignof(float), "a file of tiles"};
+    {'s', 't', 'i', 'l', 'l', 't', 'l', 's'}, 3, alignof(float), "a file of tiles"};
 constexpr std::size_t kMostKeyBytes = 1024;
 
 /// What a section holds, in the order in which they lie.
 enum TileSection : std::uint32_t {
-  kPoints = 1,  ///< MapPoint; the rows say which are of which tile
+  kPoints = 1,  ///< MapPoint, from its tile's corner; the rows say which are of which tile
   kRows = 2,    ///< TileRow
   kKey = 3,     ///< what the file was made from, a text
 };

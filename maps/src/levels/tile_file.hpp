@@ -25,7 +25,7 @@ struct TileRow {
   std::uint32_t crc = 0;
   std::uint64_t offset = 0;
   std::uint64_t points = 0;
-  /// True bounds of the points.
+  /// True bounds of the points, from the tile's corner [m].
   std::array<float, 3> min{}, max{};
   /// Points of each `PointKind`; of a kind that this version does not know, none.
   std::array<std::uint64_t, 4> kinds{};
@@ -34,8 +34,15 @@ struct TileRow {
   std::uint32_t unused = 0;
 
   [[nodiscard]] TileId id() const { return {.level = group, .x = x, .y = y}; }
-  [[nodiscard]] TileEntry entry() const {
-    return {.id = id(), .points = points, .min = min, .max = max};
+  /// @param tile  that the row is of.
+  [[nodiscard]] TileEntry entry(TileId tile) const {
+    TileEntry entry{.id = tile, .points = points};
+    const Eigen::Vector3d corner = corner_of(tile);
+    for (std::size_t axis = 0; axis < min.size(); ++axis) {
+      entry.min[axis] = corner[static_cast<Eigen::Index>(axis)] + min[axis];
+      entry.max[axis] = corner[static_cast<Eigen::Index>(axis)] + max[axis];
+    }
+    return entry;
   }
 };
 static_assert(sizeof(TileRow) == 96 && std::is_trivially_copyable_v<TileRow>);
@@ -48,7 +55,8 @@ class TileFileWriter {
   /// @throws StorageError as `DerivedFile`, as all that follow.
   TileFileWriter(const std::filesystem::path& file, std::string key);
 
-  /// @param id  after the ones before (by `TileId`'s order). @param points  at least one, finite.
+  /// @param id  after the ones before (by `TileId`'s order). @param points  from the tile's corner,
+  /// at least one, finite.
   void add(TileId id, std::span<const MapPoint> points);
   [[nodiscard]] const std::vector<TileRow>& rows() const { return rows_; }
   /// Safe from several threads while nothing is added.

@@ -23,14 +23,14 @@ constexpr std::array<unsigned, 3> kBits = {20, 20, 24};
 /// Numbers the voxels of one tile.
 class Voxels {
  public:
-  Voxels(const std::array<double, 3>& corner, double edge_m) : corner_(corner), edge_m_(edge_m) {}
+  Voxels(double bottom_m, double edge_m) : bottom_m_(bottom_m), edge_m_(edge_m) {}
 
   [[nodiscard]] Candidate candidate(const MapPoint& p, std::uint32_t index) const {
-    const std::array<double, 3> xyz{p.x, p.y, p.z};
+    const std::array<double, 3> xyz{p.x, p.y, p.z - bottom_m_};
     Candidate candidate{.voxel = 0, .distance2 = 0.0F, .index = index};
     double distance2 = 0.0;
     for (std::size_t axis = 0; axis < xyz.size(); ++axis) {
-      const double cells = (xyz[axis] - corner_[axis]) / edge_m_;
+      const double cells = xyz[axis] / edge_m_;
       const double most = static_cast<double>((std::uint64_t{1} << kBits[axis]) - 1);
       const double cell = std::clamp(std::floor(cells), 0.0, most);
       candidate.voxel = (candidate.voxel << kBits[axis]) | static_cast<std::uint64_t>(cell);
@@ -42,7 +42,7 @@ class Voxels {
   }
 
  private:
-  std::array<double, 3> corner_;
+  double bottom_m_;
   double edge_m_;
 };
 
@@ -59,9 +59,8 @@ double lowest(const std::vector<MapPoint>& points) {
 
 }  // namespace
 
-std::vector<MapPoint> thinned_by_voxel(const std::vector<MapPoint>& points, double corner_x,
-                                       double corner_y, double edge_m) {
-  const Voxels voxels({corner_x, corner_y, std::floor(lowest(points) / edge_m) * edge_m}, edge_m);
+std::vector<MapPoint> thinned_by_voxel(const std::vector<MapPoint>& points, double edge_m) {
+  const Voxels voxels(std::floor(lowest(points) / edge_m) * edge_m, edge_m);
   std::vector<Candidate> candidates;
   candidates.reserve(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {

@@ -88,11 +88,9 @@ MapTile tile_of(TileId id, const Eigen::Vector3d& origin, std::vector<MapPoint> 
 /// What `parse_manifest` cannot know of a package of schema 2.
 TileEntry entry_of(TileId id, const RegionTile& tile) {
   const auto along = [](std::int32_t number, std::uint16_t step) {
-    return static_cast<float>(kTileSizeM * number + (step + 0.5) * kTileStepM);
+    return kTileSizeM * number + (step + 0.5) * kTileStepM;
   };
-  const auto up = [&](std::int32_t step) {
-    return static_cast<float>(tile.z_base_m + (step + 0.5) * kTileStepZM);
-  };
+  const auto up = [&](std::int32_t step) { return tile.z_base_m + (step + 0.5) * kTileStepZM; };
   return {.id = id,
           .points = tile.points,
           .min = {along(id.x, tile.min_xy[0]), along(id.y, tile.min_xy[1]), up(tile.min_z)},

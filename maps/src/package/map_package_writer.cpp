@@ -28,7 +28,7 @@ TileEntry entry_of(TileId id, std::span<const MapPoint> points) {
   entry.min = {points[0].x, points[0].y, points[0].z};
   entry.max = entry.min;
   for (const MapPoint& p : points) {
-    const std::array<float, 3> xyz{p.x, p.y, p.z};
+    const std::array<double, 3> xyz{p.x, p.y, p.z};
     for (std::size_t axis = 0; axis < xyz.size(); ++axis) {
       if (!std::isfinite(xyz[axis])) {
         throw std::invalid_argument(tile_path(id) + ": a point that is not finite");
@@ -102,14 +102,14 @@ void MapPackageWriter::add_tile(TileId id, std::span<const MapPoint> points,
 
 void MapPackageWriter::add_tile(TileId id, const MapTile& tile,
                                 std::span<const PointHistory> history) {
-  if (!packs_) return add_tile(id, MapTile(tile).points_from_origin(), history);
+  if (!packs_) return add_tile(id, MapTile(tile).points_from(Eigen::Vector3d::Zero()), history);
   TileContent content;
   double lowest_m = std::numeric_limits<double>::infinity();
   for (const MapPoint& point : tile) lowest_m = std::min(lowest_m, tile.from_origin(point).z());
   if (!(std::abs(lowest_m) < 1e6))
     throw std::invalid_argument(tile_path(id) + ": no points, or none that is finite");
   content.z_base_m = static_cast<std::int32_t>(std::floor(lowest_m));
-  const Eigen::Vector3d corner(kTileSizeM * id.x, kTileSizeM * id.y, content.z_base_m);
+  const Eigen::Vector3d corner = corner_of(id) + content.z_base_m * Eigen::Vector3d::UnitZ();
   for (const MapPoint& point : tile)
     content.points.push_back(moved_to(point, tile.from_origin(point) - corner));
   for (const PointHistory& each : history)

@@ -29,8 +29,9 @@ json to_json(const GeodeticOrigin& origin) {
           {"altitude_m", origin.altitude_m}};
 }
 
-std::array<float, 3> corner_from(const JsonField& field) {
-  std::array<float, 3> corner{};
+/// Bounds of points that are floats.
+std::array<double, 3> corner_from(const JsonField& field) {
+  std::array<double, 3> corner{};
   std::size_t i = 0;
   field.each([&](const JsonField& value) {
     if (i == corner.size()) field.refuse("three numbers");

@@ -243,7 +243,7 @@ struct SessionInfo {
 
 /// A point of a map's tile, 20 bytes on the wire.
 struct TilePoint {
-  /// Relative to the map's origin [m].
+  /// Relative to the tile's corner [m].
   std::array<float, 3> position{};
   /// In the sensor's own scale.
   float intensity = 0.0F;
@@ -263,6 +263,8 @@ struct TileChange {
     /// version/level/x/y
     std::string id;
     std::int64_t points = 0;
+    /// Added to the positions of its points it gives the map frame [m].
+    std::array<double, 3> corner{};
     /// For `Client::tile`.
     std::string url;
   };
@@ -715,7 +717,8 @@ class Client {
       TileChange change;
       change.version = json.at("version");
       for (const nlohmann::json& each : json.at("add"))
-        change.add.push_back({each.at("id"), each.at("points"), each.at("url")});
+        change.add.push_back({each.at("id"), each.at("points"),
+                              each.at("corner").get<std::array<double, 3>>(), each.at("url")});
       change.remove = json.at("remove").get<std::vector<std::string>>();
       return change;
     };
@@ -733,13 +736,6 @@ class Client {
     std::vector<TilePoint> points(response.body.size() / kPointBytes);
     if (!points.empty()) std::memcpy(points.data(), response.body.data(), response.body.size());
     return points;
-  }
-
-  /// What is added to a tile's positions gives the map frame [m].
-  std::array<double, 3> map_origin(const std::string& map, const std::string& version) {
-    return read<std::array<double, 3>>(get(place_of(map, version)), [](const nlohmann::json& json) {
-      return json.at("origin").get<std::array<double, 3>>();
-    });
   }
 
   /// Writes a map package's tar to `path`; after a lost connection it goes on where it ended.

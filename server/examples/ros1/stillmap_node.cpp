@@ -5,6 +5,7 @@
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
 #include <sensor_msgs/PointCloud2.h>
+#include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
 #include <topic_tools/shape_shifter.h>
@@ -136,9 +137,15 @@ class Node {
   }
 
   void publish(const vehicle::MapPoints& points) {
+    geometry_msgs::TransformStamped transform;
+    transform.header.stamp = ros::Time::now();
+    transform.header.frame_id = map_frame_;
+    transform.child_frame_id = map_frame_ + "_tiles";
+    vehicle::fill_frame(transform.transform, points);
+    tiles_frame_.sendTransform(transform);
     sensor_msgs::PointCloud2 cloud;
-    cloud.header.stamp = ros::Time::now();
-    cloud.header.frame_id = map_frame_;
+    cloud.header.stamp = transform.header.stamp;
+    cloud.header.frame_id = transform.child_frame_id;
     vehicle::fill(cloud, points);
     tiles_.publish(cloud);
   }
@@ -160,6 +167,7 @@ class Node {
   tf2_ros::Buffer buffer_;
   tf2_ros::TransformListener transforms_;
   tf2_ros::TransformBroadcaster broadcaster_;
+  tf2_ros::StaticTransformBroadcaster tiles_frame_;
   ros::Publisher poses_;
   ros::Publisher tiles_;
   ros::Publisher diagnostics_;

@@ -3,6 +3,7 @@
 
 #include <tf2/exceptions.h>
 #include <tf2_ros/buffer.h>
+#include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
 #include <diagnostic_msgs/msg/diagnostic_array.hpp>
@@ -41,6 +42,7 @@ class Node : public rclcpp::Node {
         buffer_(get_clock()),
         transforms_(buffer_),
         broadcaster_(*this),
+        tiles_frame_(*this),
         poses_(create_publisher<PoseStamped>("~/pose", rclcpp::QoS(10))),
         tiles_(create_publisher<PointCloud2>("~/map_tiles", rclcpp::QoS(1).transient_local())),
         diagnostics_(create_publisher<DiagnosticArray>("/diagnostics", rclcpp::QoS(10))),
@@ -142,9 +144,15 @@ class Node : public rclcpp::Node {
   }
 
   void publish(const vehicle::MapPoints& points) {
+    geometry_msgs::msg::TransformStamped transform;
+    transform.header.stamp = now();
+    transform.header.frame_id = map_frame_;
+    transform.child_frame_id = map_frame_ + "_tiles";
+    vehicle::fill_frame(transform.transform, points);
+    tiles_frame_.sendTransform(transform);
     PointCloud2 cloud;
-    cloud.header.stamp = now();
-    cloud.header.frame_id = map_frame_;
+    cloud.header.stamp = transform.header.stamp;
+    cloud.header.frame_id = transform.child_frame_id;
     vehicle::fill(cloud, points);
     tiles_->publish(cloud);
   }
@@ -165,6 +173,7 @@ class Node : public rclcpp::Node {
   tf2_ros::Buffer buffer_;
   tf2_ros::TransformListener transforms_;
   tf2_ros::TransformBroadcaster broadcaster_;
+  tf2_ros::StaticTransformBroadcaster tiles_frame_;
   rclcpp::Publisher<PoseStamped>::SharedPtr poses_;
   rclcpp::Publisher<PointCloud2>::SharedPtr tiles_;
   rclcpp::Publisher<DiagnosticArray>::SharedPtr diagnostics_;

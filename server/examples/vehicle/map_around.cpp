@@ -3,6 +3,17 @@
 #include <algorithm>
 
 namespace stillmap::vehicle {
+namespace {
+
+/// Points are shown from a whole number of these, so that their frame moves rarely.
+constexpr double kOriginStepM = 1000.0;
+
+/// In the map frame [m].
+Eigen::Vector3d position_of(const Eigen::Vector3d& corner_map, const client::TilePoint& point) {
+  return corner_map + Eigen::Map<const Eigen::Vector3f>(point.position.data()).cast<double>();
+}
+
+}  // namespace
 
 MapAround::MapAround(const Settings& settings, OnPoints on_points)
     : client_(settings.url, settings.key),
@@ -70,20 +81,10 @@ bool MapAround::update(Tiles& tiles, const Eigen::Vector2d& place, double radius
   const client::TileChange change =
       client_.tiles_around(map_, {place.x(), place.y()}, radius_m, known);
   for (const std::string& id : change.remove) tiles.erase(id);
-  if (change.add.empty()) return !change.remove.empty();
-  const std::array<double, 3> origin = client_.map_origin(map_, change.version);
-  for (const client::TileChange::Tile& added : change.add) {
-    Tile& tile = tiles[added.id];
-    for (const client::TilePoint& point : client_.tile(added.url)) {
-      Eigen::Vector3f position;
-      for (int axis = 0; axis < 3; ++axis)
-        position[axis] = static_cast<float>(origin[static_cast<std::size_t>(axis)] +
-                                            point.position[static_cast<std::size_t>(axis)]);
-      tile.points.push_back({position.x(), position.y(), position.z(), point.intensity});
-      if (point.is_ground()) tile.ground.push_back(position);
-    }
-  }
-  return true;
+  for (const client::TileChange::Tile& added : change.add)
+    tiles[added.id] = {Eigen::Map<const Eigen::Vector3d>(added.corner.data()),
+                       client_.tile(added.url)};
+  return !change.add.empty() || !change.remove.empty();
 }
 
 void MapAround::show(const Eigen::Vector2d& place) {
@@ -92,22 +93,29 @@ void MapAround::show(const Eigen::Vector2d& place) {
   shown_at_ = place;
   if (!changed) return;
   MapPoints points;
-  for (const auto& [id, tile] : shown_)
-    points.insert(points.end(), tile.points.begin(), tile.points.end());
+  points.origin_map.head<2>() = kOriginStepM * (place / kOriginStepM).array().round();
+  for (const auto& [id, tile] : shown_) {
+    for (const client::TilePoint& point : tile.points) {
+      const Eigen::Vector3f p =
+          (position_of(tile.corner_map, point) - points.origin_map).cast<float>();
+      points.points.push_back({p.x(), p.y(), p.z(), point.intensity});
+    }
+  }
   on_points_(points);
 }
 
 std::optional<double> MapAround::ground_at(const Eigen::Vector2d& place) {
   constexpr double kRadiusM = 3.0;
   constexpr std::size_t kFewest = 5;
-  std::vector<float> heights;
+  std::vector<double> heights;
   try {
     Tiles tiles;
     update(tiles, place, kRadiusM);
     for (const auto& [id, tile] : tiles) {
-      for (const Eigen::Vector3f& point : tile.ground)
-        if ((point.head<2>().cast<double>() - place).norm() < kRadiusM)
-          heights.push_back(point.z());
+      for (const client::TilePoint& point : tile.points) {
+        const Eigen::Vector3d p = position_of(tile.corner_map, point);
+        if (point.is_ground() && (p.head<2>() - place).norm() < kRadiusM) heights.push_back(p.z());
+      }
     }
   } catch (const std::exception&) {
     return std::nullopt;

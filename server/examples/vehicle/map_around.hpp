@@ -39,10 +39,10 @@ class MapAround {
     Eigen::Vector2d place;
     OnGround on_ground;
   };
-  /// Points of a tile in the map frame.
   struct Tile {
-    MapPoints points;
-    std::vector<Eigen::Vector3f> ground;
+    Eigen::Vector3d corner_map;
+    /// From the corner.
+    std::vector<client::TilePoint> points;
   };
   using Tiles = std::map<std::string, Tile>;
 

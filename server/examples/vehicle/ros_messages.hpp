@@ -62,9 +62,18 @@ Matrix6d matrix_of(const Covariance& covariance) {
   return Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(covariance.data());
 }
 
+/// geometry_msgs/Transform: where the points' frame stands in the map frame.
+template <typename Transform>
+void fill_frame(Transform& transform, const MapPoints& points) {
+  Eigen::Isometry3d T_map_points = Eigen::Isometry3d::Identity();
+  T_map_points.translation() = points.origin_map;
+  fill(transform.translation, transform.rotation, T_map_points);
+}
+
 /// sensor_msgs/PointCloud2 without its header.
 template <typename Cloud>
-void fill(Cloud& cloud, const MapPoints& points) {
+void fill(Cloud& cloud, const MapPoints& map_points) {
+  const auto& points = map_points.points;
   const char* const names[] = {"x", "y", "z", "intensity"};
   constexpr std::uint8_t kFloat32 = 7;
   cloud.fields.resize(std::size(names));
@@ -76,10 +85,10 @@ void fill(Cloud& cloud, const MapPoints& points) {
   }
   cloud.height = 1;
   cloud.width = static_cast<std::uint32_t>(points.size());
-  cloud.point_step = sizeof(MapPoints::value_type);
+  cloud.point_step = sizeof(points[0]);
   cloud.row_step = cloud.width * cloud.point_step;
   cloud.is_dense = true;
-  cloud.data.resize(points.size() * sizeof(MapPoints::value_type));
+  cloud.data.resize(points.size() * sizeof(points[0]));
   if (!points.empty()) std::memcpy(cloud.data.data(), points.data(), cloud.data.size());
 }
 

@@ -59,8 +59,14 @@ struct Estimate {
   bool degraded = false;
 };
 
-/// Points of the map around the vehicle, x y z [m] in the map frame and intensity.
-using MapPoints = std::vector<std::array<float, 4>>;
+/// Points of the map around the vehicle.
+struct MapPoints {
+  /// Where they count from, in the map frame [m]: a place near the vehicle, since floats grow
+  /// coarse far from it. It stays until the vehicle has gone on for some hundred metres.
+  Eigen::Vector3d origin_map = Eigen::Vector3d::Zero();
+  /// x y z from there [m], and intensity.
+  std::vector<std::array<float, 4>> points;
+};
 
 enum class HealthLevel : std::uint8_t { kOk, kWarn, kError };
 

@@ -94,6 +94,7 @@ std::string tile_diff_json(const TileDiff& diff) {
                            {"x", each.tile.id.x},
                            {"y", each.tile.id.y},
                            {"points", each.tile.points},
+                           {"corner", to_json_array(each.corner_map)},
                            {"url", each.url}});
   }
   json["remove"] = diff.remove;

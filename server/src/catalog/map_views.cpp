@@ -59,7 +59,7 @@ std::vector<maps::MapPoint> MapViews::own_tile(const ServedVersion& version, map
     const std::scoped_lock lock(whole->mutex);
     whole->ids.insert(id);
   }
-  return package.tile(id).points_from_origin();
+  return package.tile(id).points_from(maps::corner_of(id));
 }
 
 DerivedWorker::Answer MapViews::ask_for_levels(const maps::MapPackage& package) {

@@ -28,6 +28,7 @@ struct ServedLevels {
 };
 struct LevelTile {
   maps::TileEntry entry;
+  /// From the tile's corner.
   std::vector<maps::MapPoint> points;
 };
 
@@ -59,8 +60,8 @@ class MapViews {
   explicit MapViews(std::filesystem::path store, std::uint64_t left_free = kLeftFree)
       : store_(std::move(store)), left_free_(left_free) {}
 
-  /// Points of a tile that the package itself holds, relative to the map's origin. It is compared
-  /// with its checksum the first time that it is asked for. Empty when there is none.
+  /// Points of a tile that the package itself holds, from the tile's corner. It is compared with
+  /// its checksum the first time that it is asked for. Empty when there is none.
   /// @throws maps::InputError naming the file when it is damaged.
   [[nodiscard]] std::vector<maps::MapPoint> own_tile(const ServedVersion& version, maps::TileId id);
 

@@ -12,7 +12,7 @@ namespace {
 /// Distance of a point from a tile's square, 0 inside [m].
 double distance_m(const maps::TileId& id, const Eigen::Vector2d& from_origin) {
   const double width_m = std::ldexp(maps::kTileSizeM, static_cast<int>(id.level));
-  const Eigen::Vector2d low = width_m * Eigen::Vector2d(id.x, id.y);
+  const Eigen::Vector2d low = maps::corner_of(id).head<2>();
   const Eigen::Vector2d nearest =
       from_origin.cwiseMax(low).cwiseMin(low + Eigen::Vector2d::Constant(width_m));
   return (from_origin - nearest).norm();
@@ -34,7 +34,8 @@ TileDiff tile_diff(const ServedVersion& map, const TileDiffRequest& request) {
     wanted.insert(id);
     if (cached.contains(id)) continue;
     diff.add.push_back(
-        {id, tile, fmt::format("/v1/maps/{}/versions/{}/tiles/{}", map.map, map.version, place)});
+        {id, tile, manifest.origin + maps::corner_of(tile.id),
+         fmt::format("/v1/maps/{}/versions/{}/tiles/{}", map.map, map.version, place)});
   }
   std::set<std::string_view> seen;
   for (const std::string& id : request.cached_ids)

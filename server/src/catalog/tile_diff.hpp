@@ -25,6 +25,8 @@ struct TileDiff {
   struct Added {
     std::string id;
     maps::TileEntry tile;
+    /// Added to the coordinates of its points gives the map frame [m].
+    Eigen::Vector3d corner_map = Eigen::Vector3d::Zero();
     std::string url;
   };
   std::string version;

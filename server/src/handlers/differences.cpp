@@ -106,7 +106,7 @@ HttpResponse get_tile(const Context& context, const HttpRequest& request,
   if (tile == nullptr)
     throw ApiError(ErrorCode::kUnknownTile, "the versions do not differ at " + request.path);
   const std::string etag =
-      difference_etag(pair, fmt::format("{}-{}-{}-glb-1", path.at("side"), x, y));
+      difference_etag(pair, fmt::format("{}-{}-{}-glb-2", path.at("side"), x, y));
   return immutable_answer(request, etag, [&](HttpResponse& response) {
     fill_with_glb(response, tile->entry,
                   context.views.difference_points(pair, *state.ready, *tile));

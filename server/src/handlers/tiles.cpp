@@ -29,6 +29,15 @@ constexpr int kMostLargeDiffs = 16;
   throw ApiError(ErrorCode::kUnknownTile, "map '" + map.map + "' has no tile at " + request.path);
 }
 
+/// Told apart from what other coordinates were served as.
+constexpr const char* kPointsForm = "-points-2";
+
+/// What a client adds to the points' coordinates, with as many digits as bring the doubles back.
+std::string corner_text(const ServedVersion& map, maps::TileId id) {
+  const Eigen::Vector3d corner = map.package->manifest().origin + maps::corner_of(id);
+  return fmt::format("{}, {}, {}", corner.x(), corner.y(), corner.z());
+}
+
 /// Levels that the package itself does not hold are derived.
 HttpResponse answer_tile(const Context& context, const HttpRequest& request,
                          const PathParameters& path) {
@@ -39,10 +48,11 @@ HttpResponse answer_tile(const Context& context, const HttpRequest& request,
     if (lies_above_points(*map.package, id)) derived = context.views.level_tile(map, id);
     if (!derived) refuse_tile(map, request);
   }
-  return immutable_answer(request, tile_etag(map, "", id), [&](HttpResponse& response) {
+  return immutable_answer(request, tile_etag(map, kPointsForm, id), [&](HttpResponse& response) {
     const std::vector<maps::MapPoint> points =
         derived ? std::move(derived->points) : context.views.own_tile(map, id);
     response.content_type = "application/octet-stream";
+    response.headers.emplace_back("Stillmap-Tile-Corner", corner_text(map, id));
     const std::span<const std::byte> bytes = std::as_bytes(std::span(points));
     response.body.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   });

@@ -14,7 +14,7 @@ namespace {
 
 /// Told apart from what another format of the levels was served as.
 constexpr const char* kTilesetForm = "-3dtiles-1";
-constexpr const char* kGlbForm = "-glb-1";
+constexpr const char* kGlbForm = "-glb-2";
 
 [[noreturn]] void refuse(const ServedVersion& map, const HttpRequest& request) {
   throw ApiError(ErrorCode::kUnknownTile, "map '" + map.map + "' has nothing at " + request.path);

@@ -121,10 +121,10 @@ void add_point_options(CLI::App& command, ExportArguments& arguments) {
       ->delimiter(',')
       ->check(command_line::one_of(names_of(kKinds)));
   command
-      .add_option(
-          "--coordinates", arguments.coordinates,
-          "Frame of the coordinates: map, local (map minus its origin), utm, and for autoware "
-          "also mgrs and transverse-mercator (default: depends on the format)")
+      .add_option("--coordinates", arguments.coordinates,
+                  "Frame of the coordinates: map, local (map minus an origin near it), utm, and "
+                  "for autoware "
+                  "also mgrs and transverse-mercator (default: depends on the format)")
       ->check(command_line::one_of(names_of(kFrames)));
   command.add_flag("--kinds", options.kinds,
                    "pcd: add a fifth field with the kind of each point (0 measured, 1 ground, 2 "

@@ -61,8 +61,9 @@ std::vector<maps::MapPoint> street(double length_m, std::uint64_t seed = 7) {
   return points;
 }
 
+/// Of schema 1, whose tiles may hold any float.
 fs::path write_map(const fs::path& folder, const std::vector<maps::MapPoint>& points) {
-  maps::MapPackageWriter writer(folder);
+  maps::MapPackageWriter writer(folder, {}, 1);
   std::map<maps::TileId, std::vector<maps::MapPoint>> tiles;
   for (const maps::MapPoint& p : points) {
     const auto tile = [](float c) {

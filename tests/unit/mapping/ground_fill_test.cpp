@@ -34,12 +34,13 @@ class GroundFill : public ::testing::Test {
     ground_.finish({});
   }
 
-  [[nodiscard]] std::vector<Eigen::Vector3f> fill(
+  [[nodiscard]] std::vector<Eigen::Vector3d> fill(
       maps::TileId tile, const std::vector<maps::Box>& removed,
       const std::vector<maps::MapPoint>& points = {}) const {
     std::vector<GroundFootprint> footprints;
     for (const maps::Box& box : removed) footprints.push_back(footprint_of(box));
-    return fill_ground(tile, points, footprints, ground_, 0.1);
+    const Eigen::Vector3d zero = Eigen::Vector3d::Zero();
+    return fill_ground(tile, {zero, zero, points}, footprints, ground_, 0.1);
   }
 
   [[nodiscard]] static maps::MapPoint point(double x, double y, double height_m,
@@ -62,7 +63,7 @@ const maps::Box kSmall = {.centre = {1.5, 2.25, 0.5}, .size_m = {1.0, 0.5, 1.0}}
 TEST_F(GroundFill, PutsAPointIntoEachColumnOfAFootprintOnTheGround) {
   const auto points = fill({0, 0, 0}, {kSmall});
   ASSERT_THAT(points, SizeIs(50));
-  for (const Eigen::Vector3f& p : points) {
+  for (const Eigen::Vector3d& p : points) {
     const Eigen::Vector3d q = p.cast<double>();
     EXPECT_NEAR(q.z(), slope_at(q.x(), q.y()), 0.003);
     EXPECT_NEAR(10.0 * q.x() - std::floor(10.0 * q.x()), 0.5, 1e-4);
@@ -76,7 +77,7 @@ TEST_F(GroundFill, TurnsAFootprintWithItsObject) {
   turned.yaw_rad = 0.5 * 3.14159265358979;
   const auto points = fill({0, 0, 0}, {turned});
   ASSERT_FALSE(points.empty());
-  for (const Eigen::Vector3f& p : points) {
+  for (const Eigen::Vector3d& p : points) {
     EXPECT_LE(std::abs(p.x() - 1.5F), 0.25F);
     EXPECT_LE(std::abs(p.y() - 2.25F), 0.5F);
   }
@@ -107,7 +108,7 @@ TEST_F(GroundFill, FillsOnlyTheFarHalfOfACarSeenFromOneSide) {
   }
   const auto points = fill({0, 0, 0}, {seen}, near_half);
   EXPECT_THAT(points, SizeIs(40 * 9));
-  for (const Eigen::Vector3f& p : points) EXPECT_GT(p.y(), 4.0F);
+  for (const Eigen::Vector3d& p : points) EXPECT_GT(p.y(), 4.0);
 }
 
 TEST_F(GroundFill, StopsWhereTheGroundIsNotKnownAnyMore) {
@@ -128,7 +129,7 @@ TEST_F(GroundFill, FillsEachColumnInOneTileAlone) {
   for (const int x : {-1, 0}) {
     for (const int y : {-1, 0}) {
       const auto points = fill({0, x, y}, {across});
-      for (const Eigen::Vector3f& p : points) {
+      for (const Eigen::Vector3d& p : points) {
         EXPECT_EQ(static_cast<int>(std::floor(p.x() / 20.0F)), x);
         EXPECT_EQ(static_cast<int>(std::floor(p.y() / 20.0F)), y);
       }

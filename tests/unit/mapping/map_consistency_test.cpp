@@ -204,12 +204,13 @@ TEST(MapConsistency, KnowsNothingOfTooFewPointsAndOfPointsWithoutExtent) {
 }
 
 TEST(MapConsistency, LeavesOutWhatWasNotMeasuredWhereItLies) {
-  const std::vector<maps::MapPoint> points{
-      {21.0F, -19.0F, 1.0F, 0.0F, 7, maps::PointKind::kMeasured, 0},
-      {22.0F, -18.0F, 0.0F, 0.0F, 0, maps::PointKind::kGround, 0},
-      {23.0F, -17.0F, 0.0F, 0.0F, 3, maps::PointKind::kProjected, 1},
-      {24.0F, -16.0F, 0.0F, 0.0F, 0, maps::PointKind::kFilled, 1}};
-  const std::vector<SurfacePoint> found = surface_points({0, 1, -1}, points);
+  const Eigen::Vector3d zero = Eigen::Vector3d::Zero();
+  const maps::MapTile tile(zero, zero,
+                           {{21.0F, -19.0F, 1.0F, 0.0F, 7, maps::PointKind::kMeasured, 0},
+                            {22.0F, -18.0F, 0.0F, 0.0F, 0, maps::PointKind::kGround, 0},
+                            {23.0F, -17.0F, 0.0F, 0.0F, 3, maps::PointKind::kProjected, 1},
+                            {24.0F, -16.0F, 0.0F, 0.0F, 0, maps::PointKind::kFilled, 1}});
+  const std::vector<SurfacePoint> found = surface_points({0, 1, -1}, tile);
   ASSERT_EQ(found.size(), 2U);
   EXPECT_EQ(found[0].position, Eigen::Vector3f(1.0F, 1.0F, 1.0F));
   EXPECT_EQ(found[0].weight, 7.0F);
@@ -281,7 +282,7 @@ TEST_F(DisturbedStreet, HasThickerWallsAndGroundAndAHigherEntropy) {
 
 TEST_F(DisturbedStreet, IsTheSameInThePackageForAnyNumberOfThreads) {
   const test::TemporaryFolder folder;
-  maps::MapPackageWriter writer(folder.path() / "map", {}, maps::kPackageSchema);
+  maps::MapPackageWriter writer(folder.path() / "map");
   ConsistencySum sum;
   for (const TilePoints& tile : tiles(0.02)) {
     writer.add_tile(tile.id, tile.placed(Eigen::Vector3d::Zero()), tile.history);

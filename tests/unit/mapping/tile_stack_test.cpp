@@ -48,7 +48,7 @@ std::vector<TilePoints> stacked(const VoxelGrid& grid,
 std::vector<MapPoint> points_of(const std::vector<TilePoints>& tiles) {
   std::vector<MapPoint> all;
   for (const TilePoints& tile : tiles) {
-    const auto placed = tile.placed(Eigen::Vector3d::Zero()).points_from_origin();
+    const auto placed = tile.placed(Eigen::Vector3d::Zero()).points_from(Eigen::Vector3d::Zero());
     all.insert(all.end(), placed.begin(), placed.end());
   }
   return all;
@@ -276,7 +276,7 @@ TEST(TilePoints, LookAlongTheNormalToWhereTheyWereSeenFrom) {
 TEST(TilePoints, OfFilledGroundAreMarkedAndHaveNoObservation) {
   const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
   TilePoints tile = to_points(grid, {0, 0, 0}, {}, nullptr);
-  add_filled({1.0F, 2.0F, 0.5F}, 4, tile);
+  add_filled({1.0, 2.0, 0.5}, 4, tile);
   ASSERT_EQ(tile.points.size(), 1U);
   EXPECT_EQ(tile.points[0].kind, PointKind::kFilled);
   EXPECT_EQ(tile.points[0].observations, 0U);

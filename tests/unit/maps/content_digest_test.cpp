@@ -90,7 +90,8 @@ std::shared_ptr<const MapPackage> stored(const Held& map, const std::filesystem:
     points.push_back(point);
     if (map.has_history) histories.push_back(history);
   }
-  MapPackageWriter writer(target);
+  // Of schema 1, which takes every float as it is, and tiles of any width.
+  MapPackageWriter writer(target, {}, 1);
   for (const auto& [id, tile] : tiles) writer.add_tile(id, tile.first, tile.second);
   writer.write_objects(map.objects);
   for (std::size_t drive = 0; drive < map.drives.size(); ++drive)

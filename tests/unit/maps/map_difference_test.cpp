@@ -45,6 +45,14 @@ class Difference : public ::testing::Test {
     MapDifference::make(version, other, tolerance_m);
     return MapDifference::open(version, other, tolerance_m);
   }
+  /// As the package has them, from its origin.
+  static std::vector<MapPoint> points_of(const MapPackage& map) {
+    std::vector<MapPoint> points;
+    for (const TileEntry& tile : map.manifest().tiles)
+      for (const MapPoint& p : map.tile(tile.id).points_from(Eigen::Vector3d::Zero()))
+        points.push_back(p);
+    return points;
+  }
   static std::vector<MapPoint> all(const MapDifference& difference, DifferenceSide side) {
     std::vector<MapPoint> points;
     for (const DifferenceTile& tile : difference.tiles()) {
@@ -77,15 +85,17 @@ TEST_F(Difference, PointsOfOneAreThoseWithoutANeighbourInTheOther) {
   const DifferenceTile* tile = difference->find(kVersion, -1, 0);
   ASSERT_NE(tile, nullptr);
   EXPECT_EQ(tile->entry.points, 1U);
-  EXPECT_EQ(difference->points(*tile)[0].x, -3.0F);
+  EXPECT_NEAR(difference->points(*tile)[0].x, 17.0, test::kOffByStepsM);
   EXPECT_EQ(difference->find(kOther, -1, 0), nullptr);
   // Of a wider tolerance one more is the same; of a narrower one fewer.
   EXPECT_EQ(made(*one, *other, 0.13)->total(kVersion).points, 3U);
 }
 
 TEST_F(Difference, IsWhatComparingAllPairsFinds) {
-  const auto a = scattered(15.0, 1);
-  const auto b = scattered(15.0, 2);
+  const auto one = map(scattered(15.0, 1));
+  const auto other = map(scattered(15.0, 2));
+  const auto a = points_of(*one);
+  const auto b = points_of(*other);
   const double tolerance_m = 0.4;
   const auto lonely = [&](const std::vector<MapPoint>& mine, const std::vector<MapPoint>& theirs) {
     std::uint64_t count = 0;
@@ -101,8 +111,6 @@ TEST_F(Difference, IsWhatComparingAllPairsFinds) {
     }
     return count;
   };
-  const auto one = map(a);
-  const auto other = map(b);
   const auto difference = made(*one, *other, tolerance_m);
   EXPECT_GT(difference->total(kVersion).points, 500U);
   EXPECT_EQ(difference->total(kVersion).points, lonely(a, b));
@@ -134,10 +142,11 @@ TEST_F(Difference, OtherOriginsAreTakenIntoAccount) {
   ASSERT_EQ(difference->total(kOther).points, 1U);
   const DifferenceTile* tile = difference->find(kOther, 6, 4);
   ASSERT_NE(tile, nullptr);
+  // In the first version 133.25, 92.5, 2.
   const MapPoint p = difference->points(*tile).at(0);
-  EXPECT_FLOAT_EQ(p.x, 133.25F);
-  EXPECT_FLOAT_EQ(p.y, 92.5F);
-  EXPECT_FLOAT_EQ(p.z, 2.0F);
+  EXPECT_NEAR(p.x, 13.25, test::kOffByStepsM);
+  EXPECT_NEAR(p.y, 12.5, test::kOffByStepsM);
+  EXPECT_NEAR(p.z, 2.0, test::kOffByStepsM);
 }
 
 TEST_F(Difference, OriginsTooFarApartAreRefused) {
@@ -148,7 +157,7 @@ TEST_F(Difference, OriginsTooFarApartAreRefused) {
 }
 
 TEST_F(Difference, FarPlacesAndEmptyMaps) {
-  const auto far = map({map_point(9e7F, -9e7F, 1e6F)});
+  const auto far = map({map_point(9e7F, -9e7F, 9e5F)});
   const auto empty = map({});
   EXPECT_EQ(made(*far, *empty)->total(kVersion).points, 1U);
   EXPECT_EQ(made(*empty, *far)->total(kOther).points, 1U);

@@ -73,7 +73,8 @@ class MapExport : public ::testing::Test {
   static std::vector<MapPoint> points_of(const MapPackage& map) {
     std::vector<MapPoint> points;
     for (const TileEntry& tile : map.manifest().tiles)
-      for (const MapPoint& point : map.tile(tile.id).points_from_origin()) points.push_back(point);
+      for (const MapPoint& point : map.tile(tile.id).points_from(Eigen::Vector3d::Zero()))
+        points.push_back(point);
     return points;
   }
 
@@ -104,9 +105,8 @@ TEST_F(MapExport, PcdHasThePlainestHeaderAndMapCoordinates) {
                               "COUNT 1 1 1 1\nWIDTH 4\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"
                               "POINTS 4\nDATA binary\n"));
   EXPECT_EQ(text.size() - (text.find("DATA binary\n") + 12), 4U * 16);
-  EXPECT_EQ(
-      read(out("a.pcd"))[0].position.cast<float>(),
-      (Eigen::Vector3f(-12.3F, 33.3F, -2.25F).cast<double>() + sample().origin).cast<float>());
+  const Eigen::Vector3d expected = Eigen::Vector3d(-12.3, 33.3, -2.25) + sample().origin;
+  EXPECT_LE((read(out("a.pcd"))[0].position - expected).cwiseAbs().maxCoeff(), test::kOffByStepsM);
 }
 
 TEST_F(MapExport, KindsAreAFifthFieldOfPcd) {
@@ -148,8 +148,8 @@ TEST_F(MapExport, FloatsFarFromZeroAreRefusedWithTheRemedy) {
   EXPECT_FALSE(fs::exists(out("a.pcd")));
   // Doubles keep them.
   export_map(*package, "ply", out("a.ply"), {});
-  EXPECT_EQ(read(out("a.ply"))[0].position,
-            Eigen::Vector3d(Eigen::Vector3f(-12.3F, 33.3F, -2.25F).cast<double>() + far.origin));
+  const MapTile tile = package->tile({.level = 0, .x = -1, .y = 1});
+  EXPECT_EQ(read(out("a.ply"))[0].position, tile.position(tile[0]));
   export_map(*package, "pcd", out("a.pcd"), {.frame = ExportFrame::kLocal});
   EXPECT_THAT(text_of(out("a.pcd")),
               HasSubstr("# map coordinates = these + origin 448000 5427000 110\n"));
@@ -179,8 +179,9 @@ TEST_F(MapExport, PlyInUtmIsWhereTheMapIs) {
   export_map(*package, "ply", out("a.ply"), {.frame = ExportFrame::kUtm});
   EXPECT_THAT(text_of(out("a.ply")), HasSubstr("comment coordinates EPSG:32632,"));
   const UtmProjection utm(kPlace, {32, true});
-  const Eigen::Vector3d back = utm.to_map(read(out("a.ply"))[0].position) - placed.origin;
-  EXPECT_LT((back - Eigen::Vector3d(-12.3, 33.3, -2.25)).norm(), 2e-6);
+  const Eigen::Vector3d back = utm.to_map(read(out("a.ply"))[0].position);
+  const MapTile tile = package->tile({.level = 0, .x = -1, .y = 1});
+  EXPECT_LT((back - tile.position(tile[0])).norm(), 2e-6);
   EXPECT_THAT(
       [&] { export_map(*map(sample()), "ply", out("b.ply"), {.frame = ExportFrame::kUtm}); },
       ThrowsSaying<InputError>({"without a geodetic origin", "--geo-origin"}));
@@ -223,15 +224,16 @@ TEST_F(MapExport, AutowareSquaresHoldEachPointOnce) {
 TEST_F(MapExport, AutowareInUtmIsRelativeToTheOriginAndAbsoluteInHeight) {
   SmallMap town = sample();
   town.place = kPlace;
+  const auto package = map(town);
   const MapExportResult report =
-      export_map(*map(town), "autoware", out("a"), {.frame = ExportFrame::kUtm});
+      export_map(*package, "autoware", out("a"), {.frame = ExportFrame::kUtm});
   EXPECT_THAT(report.notes, IsEmpty());
   EXPECT_THAT(text_of(out("a") / "map_projector_info.yaml"),
               HasSubstr("projector_type: LocalCartesianUTM\n"));
   const CloudPoint point = read(out("a") / "pointcloud_map.pcd" / "0_-1.pcd").at(0);
   const UtmProjection utm(kPlace, {32, true});
-  Eigen::Vector3d expected =
-      utm.to_utm(town.origin + Eigen::Vector3f(0.1F, 0.2F, 0.3F).cast<double>());
+  const MapTile tile = package->tile({});
+  Eigen::Vector3d expected = utm.to_utm(tile.position(tile[0]));
   expected.head<2>() -= utm.to_utm(Eigen::Vector3d::Zero()).head<2>();
   EXPECT_LT((point.position - expected).norm(), 2e-5);
   EXPECT_NEAR(point.position.z(), 116.5 + 110.3, 1e-3);
@@ -352,7 +354,7 @@ TEST_F(MapExport, Nav2ShowsWhatStandsAndWhereTheWayIsFree) {
 
 TEST_F(MapExport, Nav2BandAndResolutionAreTheUsers) {
   const MapExportResult low =
-      export_map(*map(street()), "nav2", out("a"), {.height_band_m = {{0.05, 0.15}}});
+      export_map(*map(street()), "nav2", out("a"), {.height_band_m = {{0.04, 0.15}}});
   const MapExportResult high = export_map(*map(street()), "nav2", out("b"),
                                           {.resolution_m = 0.5, .height_band_m = {{2.95, 3.5}}});
   EXPECT_EQ(high.counts.at("cells_occupied"), 1U);
@@ -471,12 +473,14 @@ TEST_F(MapExport, SameMapSameBytes) {
 
 TEST_F(MapExport, PointsBeyondTheirTilesBoundsAreRefused) {
   const auto package = map(sample());
-  const fs::path tile = package->folder() / "tiles" / "0_0_0.bin";
-  ASSERT_TRUE(fs::exists(tile));
+  const std::string name = package->stored_name({}).file;
   {
-    std::fstream stream(tile, std::ios::in | std::ios::out | std::ios::binary);
-    const float far = 1e30F;
-    stream.write(reinterpret_cast<const char*>(&far), sizeof far);
+    // The step of the first point's x, behind the tile's head.
+    std::fstream stream(name.substr(0, name.find(", tile")),
+                        std::ios::in | std::ios::out | std::ios::binary);
+    stream.seekp(24);
+    stream.write("\xff\xff", 2);
+    ASSERT_TRUE(stream.good()) << name;
   }
   for (const char* format : {"pcd", "nav2", "autoware", "las"})
     EXPECT_THAT([&] { export_map(*package, format, out("a"), {}); },

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -16,6 +15,7 @@
 #include <set>
 #include <string>
 #include <tuple>
+#include <utility>
 
 #include "levels/voxel_thinning.hpp"
 #include "support/temporary_folder.hpp"
@@ -49,9 +49,12 @@ std::string text_of(const fs::path& file) {
 
 fs::path levels_file(const MapPackage& map) { return map.folder() / "levels" / "levels.tiles"; }
 
-/// Points of a tile of any level.
-std::vector<MapPoint> points_of(const MapPackage& map, const MapLevels& levels, TileId id) {
-  return id.level > 0 ? levels.points(id) : map.tile(id).points_from_origin();
+/// Points of a tile of any level, from the corner of one above it.
+std::vector<MapPoint> points_of(const MapPackage& map, const MapLevels& levels, TileId id,
+                                TileId above) {
+  MapTile tile = id.level > 0 ? MapTile(Eigen::Vector3d::Zero(), corner_of(id), levels.points(id))
+                              : map.tile(id);
+  return std::move(tile).points_from(corner_of(above));
 }
 
 std::vector<TileId> children_of(TileId id) {
@@ -62,10 +65,8 @@ std::vector<TileId> children_of(TileId id) {
 }
 
 /// The voxel of a level that a point is in, counted from its tile's corner.
-std::tuple<long, long, long> voxel_of(const MapPoint& p, TileId id, double edge_m) {
-  const double width_m = std::ldexp(kTileSizeM, static_cast<int>(id.level));
-  return {static_cast<long>(std::floor((p.x - id.x * width_m) / edge_m)),
-          static_cast<long>(std::floor((p.y - id.y * width_m) / edge_m)),
+std::tuple<long, long, long> voxel_of(const MapPoint& p, double edge_m) {
+  return {static_cast<long>(std::floor(p.x / edge_m)), static_cast<long>(std::floor(p.y / edge_m)),
           static_cast<long>(std::floor(p.z / edge_m))};
 }
 
@@ -91,14 +92,14 @@ TEST_F(Levels, EveryPointOfATileIsAPointOfItsChildrenAndAloneInItsVoxel) {
   for (const TileEntry& tile : levels->tiles()) {
     std::multiset<std::string> below;
     for (const TileId child : children_of(tile.id))
-      for (const MapPoint& p : points_of(*town, *levels, child)) below.insert(bytes_of(p));
+      for (const MapPoint& p : points_of(*town, *levels, child, tile.id)) below.insert(bytes_of(p));
     const double edge_m = MapLevels::voxel_m(town->manifest(), tile.id.level);
     std::set<std::tuple<long, long, long>> voxels;
     const std::vector<MapPoint> points = levels->points(tile.id);
     ASSERT_EQ(points.size(), tile.points);
     for (const MapPoint& p : points) {
       EXPECT_TRUE(below.contains(bytes_of(p)));
-      EXPECT_TRUE(voxels.insert(voxel_of(p, tile.id, edge_m)).second);
+      EXPECT_TRUE(voxels.insert(voxel_of(p, edge_m)).second);
     }
   }
 }
@@ -110,9 +111,9 @@ TEST_F(Levels, NoVoxelOfTheLevelBelowLosesItsPlace) {
     const double edge_m = MapLevels::voxel_m(town->manifest(), tile.id.level);
     std::set<std::tuple<long, long, long>> wanted, found;
     for (const TileId child : children_of(tile.id))
-      for (const MapPoint& p : points_of(*town, *levels, child))
-        wanted.insert(voxel_of(p, tile.id, edge_m));
-    for (const MapPoint& p : levels->points(tile.id)) found.insert(voxel_of(p, tile.id, edge_m));
+      for (const MapPoint& p : points_of(*town, *levels, child, tile.id))
+        wanted.insert(voxel_of(p, edge_m));
+    for (const MapPoint& p : levels->points(tile.id)) found.insert(voxel_of(p, edge_m));
     EXPECT_EQ(wanted, found);
   }
 }
@@ -145,18 +146,11 @@ TEST_F(Levels, BoundsAreTrue) {
   const auto town = map(scattered(130.0));
   const auto levels = made(*town);
   for (const TileEntry& tile : levels->tiles()) {
-    std::array<float, 3> low, high;
-    low.fill(std::numeric_limits<float>::max());
-    high.fill(std::numeric_limits<float>::lowest());
-    for (const MapPoint& p : levels->points(tile.id)) {
-      const std::array<float, 3> xyz{p.x, p.y, p.z};
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        low[axis] = std::min(low[axis], xyz[axis]);
-        high[axis] = std::max(high[axis], xyz[axis]);
-      }
-    }
-    EXPECT_EQ(low, tile.min);
-    EXPECT_EQ(high, tile.max);
+    Eigen::AlignedBox3d box;
+    for (const MapPoint& p : levels->points(tile.id))
+      box.extend(corner_of(tile.id) + Eigen::Vector3d(p.x, p.y, p.z));
+    EXPECT_EQ(box.min(), tile.from_origin().min());
+    EXPECT_EQ(box.max(), tile.from_origin().max());
   }
 }
 
@@ -191,12 +185,13 @@ TEST_F(Levels, NegativeTilesGoToTheParentBelowThem) {
   const TileEntry* parent = levels->find({.level = 1, .x = -1, .y = -1});
   ASSERT_NE(parent, nullptr);
   EXPECT_EQ(parent->points, 2U);
-  EXPECT_THAT(parent->min, ElementsAre(-35.0F, -1.0F, 0.0F));
+  EXPECT_LE((parent->from_origin().min() - Eigen::Vector3d(-35.0, -1.0, 0.0)).cwiseAbs().maxCoeff(),
+            test::kOffByStepsM);
   EXPECT_EQ(levels->find({.level = 1, .x = 0, .y = 0}), nullptr);
 }
 
 TEST_F(Levels, FarAndHighPointsStay) {
-  std::vector<MapPoint> points = {map_point(9e7F, -9e7F, 1e6F), map_point(9e7F, -9e7F, -1e6F),
+  std::vector<MapPoint> points = {map_point(9e7F, -9e7F, 2e5F), map_point(9e7F, -9e7F, -2e5F),
                                   map_point(-9e7F, 0.0F, 0.0F)};
   for (int x = 0; x < 30; ++x) points.push_back(map_point(20.0F * static_cast<float>(x), 0, 0));
   const auto far = map(points);
@@ -214,9 +209,9 @@ TEST_F(Levels, PointsThatAreNotFiniteAreDropped) {
   const float none = std::numeric_limits<float>::quiet_NaN();
   const std::vector<MapPoint> points = {map_point(1, 1, 1), map_point(none, 1, 1),
                                         map_point(1, 1, std::numeric_limits<float>::infinity())};
-  EXPECT_THAT(thinned_by_voxel(points, 0.0, 0.0, 0.2), SizeIs(1));
-  EXPECT_THAT(thinned_by_voxel({points[1]}, 0.0, 0.0, 0.2), IsEmpty());
-  EXPECT_THAT(thinned_by_voxel({}, 0.0, 0.0, 0.2), IsEmpty());
+  EXPECT_THAT(thinned_by_voxel(points, 0.2), SizeIs(1));
+  EXPECT_THAT(thinned_by_voxel({points[1]}, 0.2), IsEmpty());
+  EXPECT_THAT(thinned_by_voxel({}, 0.2), IsEmpty());
 }
 
 TEST_F(Levels, NearestToTheCentreStaysThenTheMostObservedThenTheFirst) {
@@ -224,10 +219,10 @@ TEST_F(Levels, NearestToTheCentreStaysThenTheMostObservedThenTheFirst) {
   const MapPoint left = map_point(0.25F, 0.5F, 0.5F, PointKind::kMeasured, 2);
   const MapPoint right = map_point(0.75F, 0.5F, 0.5F, PointKind::kMeasured, 3);
   const MapPoint twin = map_point(0.5F, 0.75F, 0.5F, PointKind::kProjected, 3);
-  const auto kept = thinned_by_voxel({corner, left, right, twin}, 0.0, 0.0, 1.0);
+  const auto kept = thinned_by_voxel({corner, left, right, twin}, 1.0);
   ASSERT_THAT(kept, SizeIs(1));
   EXPECT_EQ(bytes_of(kept[0]), bytes_of(right));
-  const auto turned = thinned_by_voxel({twin, right, left, corner}, 0.0, 0.0, 1.0);
+  const auto turned = thinned_by_voxel({twin, right, left, corner}, 1.0);
   EXPECT_EQ(bytes_of(turned.at(0)), bytes_of(twin));
 }
 

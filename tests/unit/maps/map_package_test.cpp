@@ -37,6 +37,9 @@ std::string text_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
+/// A file for each tile, as these tests know the layout; `package_schemas_test.cpp` has the other.
+constexpr int kFirstSchema = 1;
+
 void put_text(const fs::path& file, const std::string& text) {
   std::ofstream(file, std::ios::binary) << text;
 }
@@ -64,7 +67,7 @@ Trajectory sample_trajectory() {
 std::string write_sample(const fs::path& target, bool far_first, const std::string& build) {
   const std::array<MapPoint, 2> near_points{point(1, -2, 3), point(4, -5, -6)};
   const std::array<MapPoint, 1> far_points{point(600, 300, 0)};
-  MapPackageWriter writer(target);
+  MapPackageWriter writer(target, {}, kFirstSchema);
   if (far_first) writer.add_tile(kFar, far_points);
   writer.add_tile(kNear, near_points);
   if (!far_first) writer.add_tile(kFar, far_points);
@@ -135,7 +138,7 @@ TEST(MapTile, HasTheVeryCoordinatesThatWereWritten) {
     for (const std::uint32_t level : {0U, 2U})
       written[{.level = level, .x = x, .y = 3 - x}] =
           points_along({.level = level, .x = x, .y = 3 - x});
-  MapPackageWriter writer(folder.path() / "map");
+  MapPackageWriter writer(folder.path() / "map", {}, kFirstSchema);
   for (const auto& [id, points] : written) writer.add_tile(id, points);
   writer.publish(sample_manifest(), "{}");
   const auto package = MapPackage::open(folder.path() / "map");
@@ -147,7 +150,7 @@ TEST(MapTile, HasTheVeryCoordinatesThatWereWritten) {
       EXPECT_EQ(tile.from_origin(tile[i]), p);
       EXPECT_EQ(tile.position(tile[i]), sample_manifest().origin + p);
     }
-    const std::vector<MapPoint> back = package->tile(id).points_from_origin();
+    const std::vector<MapPoint> back = package->tile(id).points_from(Eigen::Vector3d::Zero());
     EXPECT_EQ(std::memcmp(back.data(), points.data(), points.size() * sizeof(MapPoint)), 0) << id.x;
   }
 }
@@ -155,7 +158,7 @@ TEST(MapTile, HasTheVeryCoordinatesThatWereWritten) {
 TEST(MapTile, CountsFromItsCorner) {
   const TemporaryFolder folder;
   const std::array<MapPoint, 2> points{point(641, -299, 7), point(659, -281, -7)};
-  MapPackageWriter writer(folder.path() / "map");
+  MapPackageWriter writer(folder.path() / "map", {}, kFirstSchema);
   writer.add_tile({.level = 0, .x = 32, .y = -15}, points);
   writer.publish(sample_manifest(), "{}");
   const auto package = MapPackage::open(folder.path() / "map");
@@ -227,7 +230,7 @@ TEST(MapPackage, ReadsBackPlacesOfASensor) {
   const fs::path map = folder.path() / "map";
   const std::vector<Eigen::Isometry3d> places{exp_se3({448000.125, 5427000.0, 1.8, 0.1, -0.2, 0.0}),
                                               Eigen::Isometry3d::Identity()};
-  MapPackageWriter writer(map);
+  MapPackageWriter writer(map, {}, kFirstSchema);
   writer.add_tile(kNear, std::array{point(1, 2, 3)});
   writer.write_places(places);
   writer.publish(sample_manifest(), "{}");
@@ -271,7 +274,7 @@ TEST(MapPackage, DigestFollowsTheContentAlone) {
   EXPECT_EQ(text_of(folder.path() / "a/manifest.json"), text_of(folder.path() / "b/manifest.json"));
   EXPECT_EQ(digest.size(), 64U);
 
-  MapPackageWriter writer(folder.path() / "c");
+  MapPackageWriter writer(folder.path() / "c", {}, kFirstSchema);
   const std::array<MapPoint, 1> other{point(1, -2, 3.001F)};
   writer.add_tile(kNear, other);
   EXPECT_NE(writer.publish(sample_manifest(), "{}"), digest);
@@ -365,7 +368,7 @@ TEST(MapPackage, ToleratesUnknownKeysOfItsSchema) {
 TEST(MapPackageWriter, LeavesNoHalfPackageBehind) {
   const TemporaryFolder folder;
   {
-    MapPackageWriter writer(folder.path() / "map");
+    MapPackageWriter writer(folder.path() / "map", {}, kFirstSchema);
     const std::array<MapPoint, 1> points{point(1, 2, 3)};
     writer.add_tile(kNear, points);
     EXPECT_FALSE(fs::exists(folder.path() / "map"));
@@ -375,7 +378,7 @@ TEST(MapPackageWriter, LeavesNoHalfPackageBehind) {
 
 TEST(MapPackageWriter, RefusesWhatNoReaderCouldUse) {
   const TemporaryFolder folder;
-  MapPackageWriter writer(folder.path() / "map");
+  MapPackageWriter writer(folder.path() / "map", {}, kFirstSchema);
   const std::array<MapPoint, 1> good{point(1, 2, 3)};
   const std::array<MapPoint, 1> bad{point(1, std::numeric_limits<float>::quiet_NaN(), 3)};
   EXPECT_THAT([&] { writer.add_tile(kNear, std::span<const MapPoint>{}); },

@@ -97,6 +97,22 @@ TEST(Glb, NodeTurnsUpSoThat3DTilesTurnsItBack) {
   EXPECT_EQ(back * node, Eigen::Matrix4d::Identity());
 }
 
+TEST(Glb, NodePutsTheTileWhereItIsFromTheOrigin) {
+  const std::vector<MapPoint> points = {map_point(0.5F, 19.5F, 3.0F)};
+  // 1,000 km away, where a float would be 60 mm coarse.
+  const TileEntry tile{.id = {.level = 0, .x = 50'000, .y = -3},
+                       .points = 1,
+                       .min = {1'000'000.5, -40.5, 3.0},
+                       .max = {1'000'000.5, -40.5, 3.0}};
+  const json document = read_glb(glb_of(tile, points)).document;
+  const json bound = {0.5, 19.5, 3.0};
+  EXPECT_EQ(document["accessors"][0]["min"], bound);
+  EXPECT_EQ(document["accessors"][0]["max"], bound);
+  // x, y, z -> x, z, -y: the corner is 1,000,000, -60, 0.
+  EXPECT_EQ(document["nodes"][0]["matrix"],
+            json({1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 1'000'000, 0, 60, 1}));
+}
+
 TEST(Glb, TileWithoutPointsOrWithTooManyIsNone) {
   EXPECT_THROW((void)glb_head({.id = {}, .points = 0}), std::invalid_argument);
   EXPECT_THROW((void)glb_head({.id = {}, .points = 300'000'000}), std::invalid_argument);
@@ -243,7 +259,7 @@ TEST_F(TilesetTest, OnePointIsATileOfItsOwn) {
   const json root = json::parse(tileset({map_point(1, 2, 3)}).text())["root"];
   ASSERT_EQ(root["children"].size(), 1U);
   EXPECT_EQ(root["children"][0]["content"]["uri"], "0/0/0.glb");
-  EXPECT_EQ(root["children"][0]["boundingVolume"]["box"][0], 1.0);
+  EXPECT_NEAR(root["children"][0]["boundingVolume"]["box"][0].get<double>(), 1.0, 0.001);
 }
 
 TEST_F(TilesetTest, TransformIsThatOfTheOriginColumnByColumn) {

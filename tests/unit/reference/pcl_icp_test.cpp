@@ -72,7 +72,8 @@ std::shared_ptr<const maps::MapPackage> room_package(const test::TemporaryFolder
                       .kind = maps::PointKind::kMeasured,
                       .object = 0});
   }
-  maps::MapPackageWriter writer(folder.path() / "room");
+  // Of schema 1, which has coarser levels.
+  maps::MapPackageWriter writer(folder.path() / "room", {}, 1);
   writer.add_tile({2, 0, 0}, points);
   writer.add_tile({0, 0, 0}, points);
   writer.write_trajectory(maps::Trajectory({{0, pose_at(20.0, 20.0)}}));

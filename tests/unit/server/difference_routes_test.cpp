@@ -12,6 +12,8 @@ namespace difference_routes_test {
 
 namespace fs = std::filesystem;
 using ::testing::Contains;
+using ::testing::DoubleNear;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Pair;
 using ::testing::SizeIs;
@@ -81,7 +83,10 @@ TEST_F(DifferenceRoutes, CountsWhatOnlyOneHasAndServesIt) {
   const auto& west = json["tiles"][0];
   EXPECT_EQ(west["x"], -1);
   EXPECT_TRUE(west["only_in_other"].is_null());
-  EXPECT_EQ(west["only_in_version"]["min"], nlohmann::json({-15.0, 5.0, 20.0}));
+  EXPECT_THAT(
+      west["only_in_version"]["min"].get<std::vector<double>>(),
+      ElementsAre(DoubleNear(-15.0, test::kOffByStepsM), DoubleNear(5.0, test::kOffByStepsM),
+                  DoubleNear(20.0, test::kOffByStepsM)));
   const std::string url = west["only_in_version"]["url"];
   EXPECT_EQ(url, std::string(kDifference) + "/version/-1/0.glb?tolerance_m=0.15");
   const HttpResponse tile = asked(url.substr(0, url.find('?')), {{"tolerance_m", "0.15"}});
@@ -155,10 +160,11 @@ TEST_F(DifferenceRoutes, WhatCannotBeWrittenIsSaidInWords) {
 
 /// It would be kept, and stay wrong when the other version is mended.
 TEST_F(DifferenceRoutes, AreNotMadeAgainstADamagedVersion) {
-  const fs::path tile = store_.folder().path() / "packages" /
-                        store_.open().state().version("city", "v1").digest / "tiles/0_0_0.bin";
+  const fs::path package =
+      store_.folder().path() / "packages" / store_.open().state().version("city", "v1").digest;
+  const std::string pack = test::pack_of(package);
   {
-    std::fstream file(tile, std::ios::in | std::ios::out | std::ios::binary);
+    std::fstream file(package / pack, std::ios::in | std::ios::out | std::ios::binary);
     file.seekp(3);
     file.put('!');
   }
@@ -167,7 +173,7 @@ TEST_F(DifferenceRoutes, AreNotMadeAgainstADamagedVersion) {
   EXPECT_EQ(response.status, 503);
   EXPECT_EQ(body(response)["code"], "DerivedUnavailable");
   EXPECT_THAT(body(response)["detail"].get<std::string>(),
-              HasSubstr("tiles/0_0_0.bin: found SHA-256"));
+              HasSubstr(pack + ", tile 0, 0: found SHA-256"));
   EXPECT_FALSE(fs::exists(store_.folder().path() / "packages" / second_ / "differences"));
 }
 

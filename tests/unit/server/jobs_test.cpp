@@ -288,7 +288,7 @@ TEST_F(Jobs, KeepsTheVersionThatItBeganWith) {
   start_with(
       "previous=$(tr '\\0' '\\n' < /proc/$$/cmdline | grep -A1 -x -e --previous | tail -n 1)\n"
       "say 0.1 first; while [ ! -e $0.go ]; do sleep 0.05; done\n"
-      "ls $previous/tiles $previous/index; publish");
+      "ls $previous/packs $previous/index; publish");
   std::filesystem::create_directory(store_.package() / "index");
   std::ofstream(store_.package() / "index" / "1-0.idx") << "derived";
   std::ofstream(store_.package() / "index" / ".1-1.idx.partial") << "half";
@@ -301,7 +301,7 @@ TEST_F(Jobs, KeepsTheVersionThatItBeganWith) {
   EXPECT_FALSE(std::filesystem::exists(store_.package()));
   std::ofstream(mapper_.string() + ".go") << "x";
   EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
-  EXPECT_THAT(log_of(job), HasSubstr("0_0_0.bin"));
+  EXPECT_THAT(log_of(job), HasSubstr(".pack\n"));
   EXPECT_THAT(log_of(job), HasSubstr("1-0.idx\n"));
   EXPECT_THAT(log_of(job), Not(HasSubstr("1-1.idx")));
   expect_cleared(1);

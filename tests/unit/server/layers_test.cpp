@@ -67,7 +67,7 @@ TEST_F(Layers, CoverageIsMadeOnceAndKept) {
   EXPECT_EQ(values[400 + 2 * 20 + 1], 3.0F);
   EXPECT_EQ(values[400 + 5 * 20 + 4], 3.0F);
   EXPECT_TRUE(std::isnan(values[0]));
-  EXPECT_EQ(floats(get(layer["bands"][0]["url"]))[2 * 20 + 19], 3.0F);
+  EXPECT_NEAR(floats(get(layer["bands"][0]["url"]))[2 * 20 + 19], 3.0, test::kOffByStepsM);
 
   HttpRequest again = request("GET", kCoverage);
   for (const auto& [name, value] : response.headers)
@@ -94,22 +94,22 @@ TEST_F(Layers, DamagedFileIsMadeAnew) {
 TEST_F(Layers, OfADamagedPackageAreNotMadeUntilItIsMended) {
   const std::filesystem::path sound = other_.path() / "sound";
   std::filesystem::copy(store_.package(), sound, std::filesystem::copy_options::recursive);
-  // The height of the first point.
-  std::fstream(store_.package() / "tiles/0_0_0.bin",
-               std::ios::in | std::ios::out | std::ios::binary)
+  // The height of the tile.
+  const std::string pack = test::pack_of(store_.package());
+  std::fstream(store_.package() / pack, std::ios::in | std::ios::out | std::ios::binary)
       .seekp(8)
       .write("\0\0\0\0", 4);
   start();
   const HttpResponse refused = made(kCoverage);
   EXPECT_EQ(body(refused)["code"], "DerivedUnavailable");
-  EXPECT_THAT(refused.body, HasSubstr("tiles/0_0_0.bin: found SHA-256"));
+  EXPECT_THAT(refused.body, HasSubstr(pack + ", tile 0, 0: found SHA-256"));
   EXPECT_FALSE(std::filesystem::exists(file()));
   store_.open().add("town", "v1", sound);
   // Noticed within a second or two.
   HttpResponse height = made(std::string(kCoverage) + "/height");
   for (; height.status == 503; height = made(std::string(kCoverage) + "/height"))
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  EXPECT_EQ(floats(height)[400 + 2 * 20 + 1], 3.0F);
+  EXPECT_NEAR(floats(height)[400 + 2 * 20 + 1], 3.0, test::kOffByStepsM);
   EXPECT_TRUE(std::filesystem::exists(file()));
 }
 

@@ -140,19 +140,23 @@ TEST_F(MapCatalogTest, OldVersionServesWhileTheNewOneIsMadeReady) {
 
 TEST_F(MapCatalogTest, ServesAMendedPackageSoonAndTheOldOneUntilThen) {
   const auto spoil = [&](char byte) {
-    const auto tile = store_folder_.path() / "packages" / digests_[1] / "tiles/0_0_0.bin";
-    std::fstream(tile, std::ios::in | std::ios::out | std::ios::binary).seekp(3).put(byte);
+    const auto package = store_folder_.path() / "packages" / digests_[1];
+    // The step of the first point's x, behind the tile's head.
+    std::fstream(package / test::pack_of(package), std::ios::in | std::ios::out | std::ios::binary)
+        .seekp(25)
+        .put(byte);
   };
   spoil('\x55');
   MapCatalog& catalog = start();
   const float damaged = catalog.find("town").package->tile({})[0].x;
+  const float sound = maps::MapPackage::open(folder_.path() / "package1")->tile({})[0].x;
   builder_.set_held(digests_[1], true);
   store_.add("town", "v1", folder_.path() / "package1");
   wait([&] { return builder_.built(digests_[1]) == 2; });
   EXPECT_EQ(catalog.ready("town", {}).package->tile({})[0].x, damaged);
   builder_.set_held(digests_[1], false);
-  wait([&] { return catalog.ready("town", {}).package->tile({})[0].x == 0; });
-  EXPECT_NE(damaged, 0.F);
+  wait([&] { return catalog.ready("town", {}).package->tile({})[0].x == sound; });
+  EXPECT_NE(damaged, sound);
   EXPECT_EQ(builder_.built(digests_[1]), 2);
 
   spoil('\x56');

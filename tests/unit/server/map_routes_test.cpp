@@ -157,10 +157,12 @@ TEST_F(MapRoutes, DiffHasTheTilesWhoseSquareMeetsTheCircle) {
   EXPECT_EQ(inside["version"], "v1");
   EXPECT_EQ(ids(inside["add"]), std::vector<std::string>{"v1/0/0/0"});
   EXPECT_EQ(inside["add"][0]["points"], 2);
+  EXPECT_EQ(inside["add"][0]["corner"], nlohmann::json({100.0, 200.0, 0.0}));
   EXPECT_EQ(inside["add"][0]["url"], "/v1/maps/town/versions/v1/tiles/0/0/0");
   EXPECT_EQ(get(inside["add"][0]["url"]).status, 200);
   const nlohmann::json both = body(diff(R"({"center": [110, 210], "radius_m": 10.1})"));
   EXPECT_EQ(ids(both["add"]), (std::vector<std::string>{"v1/0/-1/0", "v1/0/0/0"}));
+  EXPECT_EQ(both["add"][0]["corner"], nlohmann::json({80.0, 200.0, 0.0}));
   // From beyond a corner it is the diagonal that counts.
   EXPECT_TRUE(body(diff(R"({"center": [123, 224], "radius_m": 4.9})"))["add"].empty());
   EXPECT_EQ(body(diff(R"({"center": [123, 224], "radius_m": 5.1})"))["add"].size(), 1U);

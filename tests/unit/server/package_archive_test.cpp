@@ -130,10 +130,10 @@ TEST_F(PackageArchiveTest, IsUnpackedByTar) {
 TEST_F(PackageArchiveTest, SaysWhenAFileIsGoneOrAnother) {
   PackageArchive archive(town_);
   const std::string whole = all_of(archive);
-  fs::resize_file(town_ / "tiles/0_1_-1.bin", 10);
+  const std::string pack = test::pack_of(town_, {0, 1, -1});
+  fs::resize_file(town_ / pack, 10);
   PackageArchive cut(town_);
-  EXPECT_THAT([&] { all_of(cut); },
-              ThrowsSaying<maps::StorageError>({"tiles/0_1_-1.bin", "bytes any more"}));
+  EXPECT_THAT([&] { all_of(cut); }, ThrowsSaying<maps::StorageError>({pack, "bytes any more"}));
   fs::remove_all(town_);
   EXPECT_THAT([&] { range_of(archive, 8000, 20'000); }, ThrowsSaying<maps::StorageError>({"town"}));
   EXPECT_THAT([&] { (void)PackageArchive{town_}; },
@@ -235,16 +235,17 @@ TEST_F(StoreArchiveTest, WaitsForTheDiskForFilesOfThePackageAlone) {
 
 TEST_F(StoreArchiveTest, TakesAPackageInAFolderAndDropsTheRest) {
   add(tar_folder("town/") + entries("town/") + tar_file("town/stray/a", "x") +
-      tar_folder("town/tiles/more/") + tar_file("town/tiles/1_1_1.bin", "x") +
-      tar_file("beside.txt", "x") + tar_file("other/tiles", "x") + tar_end());
+      tar_folder("town/packs/more/") + tar_file("town/packs/1.pack", "x") +
+      tar_file("beside.txt", "x") + tar_file("other/packs", "x") + tar_end());
   EXPECT_TRUE(verify_store(store_).empty());
   std::vector<std::string> found;
   for (const auto& entry : fs::recursive_directory_iterator(packages_ / digest_))
     found.push_back(entry.path().lexically_relative(packages_ / digest_));
-  EXPECT_THAT(found, ::testing::UnorderedElementsAre(
-                         "build.json", "empty.txt", "manifest.json", "more", "more/deep",
-                         "more/deep/notes.txt", "tiles", "tiles/0_0_0.bin", "tiles/0_1_-1.bin",
-                         "tiles/0_2_-2.bin", "tiles/0_3_-3.bin", "tiles/0_4_-4.bin"));
+  EXPECT_THAT(
+      found, ::testing::UnorderedElementsAre("build.json", "empty.txt", "manifest.json", "more",
+                                             "more/deep", "more/deep/notes.txt", "packs",
+                                             test::pack_of(town_), test::pack_of(town_, {0, 1, -1}),
+                                             "regions", "regions/0_0.node", "regions/0_-1.node"));
   EXPECT_EQ(std::distance(fs::directory_iterator(packages_), fs::directory_iterator()), 1);
 }
 
@@ -252,8 +253,8 @@ TEST_F(StoreArchiveTest, RefusesWhatIsNotWhatItsManifestSays) {
   expect_refused(tar_end(), {"body", "no manifest.json"});
   expect_refused(entries("a/b/") + tar_end(), {"no manifest.json"});
   expect_refused(entries("a/") + entries("b/") + tar_end(), {"several map packages"});
-  expect_refused(entries("", "tiles/0_2_-2.bin") + tar_end(),
-                 {"body: tiles/0_2_-2.bin", "nothing"});
+  const std::string pack = test::pack_of(town_, {0, 2, -2});
+  expect_refused(entries("", pack) + tar_end(), {"body: " + pack, "nothing"});
   const std::string rest = entries("", "more/deep/notes.txt");
   expect_refused(rest + tar_file("more/deep/notes.txt", "note") + tar_end(),
                  {"4 bytes", "5 as in"});

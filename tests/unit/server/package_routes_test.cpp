@@ -111,7 +111,7 @@ TEST_F(PackageRoutesTest, DamagedBytesAreNeverSentAndMendedOnesAre) {
            answer->body.find("add the same package again") != std::string::npos;
   };
   const auto flip_a_bit = [&] {
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(package / "tiles")) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(package / "packs")) {
       if (!entry.is_regular_file()) continue;
       std::fstream file(entry.path(), std::ios::in | std::ios::out | std::ios::binary);
       file.seekg(9);

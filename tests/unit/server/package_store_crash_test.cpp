@@ -274,7 +274,7 @@ class MendTest : public ::testing::TestWithParam<bool> {
   void make_damaged(const fs::path& folder, DiskCalls& calls) const {
     PackageStore store(folder, calls);
     store.add("town", "a", package_);
-    const fs::path tile = folder / "packages" / digest_ / "tiles/0_0_0.bin";
+    const fs::path tile = folder / "packages" / digest_ / test::pack_of(package_);
     const DiskCall write{.kind = Kind::kWrite, .path = tile, .offset = 8, .bytes = "damage"};
     calls.pass(write, [&](std::size_t bytes) {
       std::fstream(tile, std::ios::in | std::ios::out | std::ios::binary)
@@ -297,7 +297,7 @@ class MendTest : public ::testing::TestWithParam<bool> {
       PackageStore store(folder, calls);
       const auto problems = verify_store(store);
       if (problems.empty()) return "";
-      const bool as_before = problems.front().what.ends_with("says: tiles/0_0_0.bin");
+      const bool as_before = problems.front().what.ends_with(".pack");
       return as_before && !acknowledged ? "" : problems.front().what;
     } catch (const std::exception& error) {
       return error.what();

@@ -5,6 +5,7 @@
 #include <latch>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "body_in_memory.hpp"
 #include "service_fixture.hpp"
@@ -15,6 +16,8 @@ namespace routes_test {
 
 namespace fs = std::filesystem;
 using ::testing::Contains;
+using ::testing::DoubleNear;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::Pair;
@@ -109,7 +112,10 @@ TEST_F(Routes, MapTellsItsFrameTilesAndCounts) {
   ASSERT_EQ(map["tiles"].size(), 2U);
   EXPECT_EQ(map["tiles"][1]["x"], 0);
   EXPECT_EQ(map["tiles"][1]["points"], 2);
-  EXPECT_EQ(map["tiles"][1]["max"], nlohmann::json::parse("[4.0, 5.0, 6.0]"));
+  const auto max = map["tiles"][1]["max"].get<std::vector<double>>();
+  EXPECT_THAT(max,
+              ElementsAre(DoubleNear(4.0, test::kOffByStepsM), DoubleNear(5.0, test::kOffByStepsM),
+                          DoubleNear(6.0, test::kOffByStepsM)));
 }
 
 TEST_F(Routes, TrajectoryHasExactStampsAsText) {
@@ -158,7 +164,7 @@ TEST_F(Routes, WhoHasAPartOfAVersionIsToldSoAndNothingIsRead) {
 TEST_F(Routes, DamagedTileIsRefusedAndTheOthersAreServed) {
   const std::string base = "/v1/maps/town/versions/" + store_.version() + "/";
   {
-    std::fstream file(store_.package() / "tiles/0_0_0.bin",
+    std::fstream file(store_.package() / test::pack_of(store_.package()),
                       std::ios::in | std::ios::out | std::ios::binary);
     file.seekp(5);
     file.put('!');
@@ -180,8 +186,14 @@ TEST_F(Routes, TileIsTheBytesOfItsPointsAndMayBeKeptForEver) {
   ASSERT_EQ(response.body.size(), 2 * sizeof(maps::MapPoint));
   maps::MapPoint second;
   std::memcpy(&second, response.body.data() + sizeof(second), sizeof(second));
-  EXPECT_EQ(second.y, 5.0F);
+  EXPECT_NEAR(second.y, 5.0, test::kOffByStepsM);
+  EXPECT_THAT(response.headers, Contains(Pair("Stillmap-Tile-Corner", "100, 200, 0")));
   EXPECT_THAT(response.headers, Contains(Pair("Cache-Control", HasSubstr("immutable"))));
+  const HttpResponse west = get("/v1/maps/town/versions/" + store_.version() + "/tiles/0/-1/0");
+  maps::MapPoint first;
+  std::memcpy(&first, west.body.data(), sizeof(first));
+  EXPECT_NEAR(first.x, 19.0, test::kOffByStepsM);
+  EXPECT_THAT(west.headers, Contains(Pair("Stillmap-Tile-Corner", "80, 200, 0")));
 
   HttpRequest again = request("GET", path);
   for (const auto& [name, value] : response.headers) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "service.hpp"
+#include "support/stored_packages.hpp"
 #include "support/temporary_folder.hpp"
 
 #include <gtest/gtest.h>

@@ -61,6 +61,7 @@ class StoreBackupTest : public ::testing::Test {
   fs::path backup_ = folder_.path() / "backup";
   std::string first_ = write_package(folder_.path() / "first", 1);
   std::string second_ = write_package(folder_.path() / "second", 2);
+  std::string first_pack_ = test::pack_of(folder_.path() / "first");
   std::unique_ptr<PackageStore> store_;
   int restored_ = 0;
 };
@@ -173,7 +174,7 @@ TEST_F(StoreBackupTest, TakesNoRoomOnTheSameDiskAndSharesNoFileWithARestoredStor
     return status.st_nlink;
   };
   back_up_store(*store_, backup_);
-  const fs::path tile = fs::path("packages") / first_ / "tiles/0_0_0.bin";
+  const fs::path tile = fs::path("packages") / first_ / first_pack_;
   EXPECT_EQ(links(backup_ / tile), 2U);
   const auto again = restored();
   EXPECT_EQ(links(folder_.path() / "restored0" / tile), 1U);
@@ -195,7 +196,7 @@ TEST_F(StoreBackupTest, CopiesWhereTheDiskAllowsNoLinks) {
 }
 
 TEST_F(StoreBackupTest, BringsAgainWhatWasDamagedOnceThatWasLookedFor) {
-  const fs::path tile = fs::path("packages") / first_ / "tiles/0_0_0.bin";
+  const fs::path tile = fs::path("packages") / first_ / first_pack_;
   EXPECT_EQ(drop_damaged_of_backup(backup_, calls_), 0U) << "there is none";
   EXPECT_FALSE(fs::exists(backup_));
   back_up_store(*store_, backup_);
@@ -205,7 +206,7 @@ TEST_F(StoreBackupTest, BringsAgainWhatWasDamagedOnceThatWasLookedFor) {
   store_->add("town", "1", folder_.path() / "first");
   EXPECT_EQ(back_up_store(*store_, backup_).kept, 1U) << "nobody looked";
   EXPECT_THAT([&] { static_cast<void>(restored()); },
-              ThrowsSaying<maps::InputError>({"0_0_0.bin"}));
+              ThrowsSaying<maps::InputError>({first_pack_}));
   EXPECT_EQ(drop_damaged_of_backup(backup_, calls_), 1U);
   EXPECT_EQ(back_up_store(*store_, backup_).copied, 1U);
   EXPECT_THAT(verify_store(*restored()), IsEmpty());
@@ -213,20 +214,20 @@ TEST_F(StoreBackupTest, BringsAgainWhatWasDamagedOnceThatWasLookedFor) {
 }
 
 TEST_F(StoreBackupTest, RefusesABrokenPackage) {
-  const fs::path tile = fs::path("packages") / first_ / "tiles/0_0_0.bin";
+  const fs::path tile = fs::path("packages") / first_ / first_pack_;
   back_up_store(*store_, backup_);
   const fs::path copy = folder_.path() / "spoilt";
   fs::copy(backup_, copy, fs::copy_options::recursive);
   spoil(copy / tile);
   EXPECT_THAT([&] { restore_store(copy, folder_.path() / "new", calls_); },
-              ThrowsSaying<maps::InputError>({"0_0_0.bin"}));
+              ThrowsSaying<maps::InputError>({first_pack_}));
 }
 
 TEST_F(StoreBackupTest, SavesAllButABrokenPackage) {
   store_->add("town", "2", folder_.path() / "second");
-  spoil(folder_.path() / "store/packages" / first_ / "tiles/0_0_0.bin");
+  spoil(folder_.path() / "store/packages" / first_ / first_pack_);
   EXPECT_THAT([&] { back_up_store(*store_, backup_); },
-              ThrowsSaying<maps::InputError>({"town/1", "0_0_0.bin", "manifest.json"}));
+              ThrowsSaying<maps::InputError>({"town/1", first_pack_, "manifest.json"}));
   EXPECT_EQ(std::distance(fs::directory_iterator(backup_ / "packages"), {}), 1);
   EXPECT_THAT([&] { (void)restored(); }, ThrowsSaying<maps::InputError>({"no package", "town/1"}));
   const PackageStore again(folder_.path() / "restored0", calls_);
@@ -239,7 +240,7 @@ TEST_F(StoreBackupTest, SavesAllButABrokenPackage) {
 
 TEST_F(StoreBackupTest, SavesAllButAPackageThatTheDiskDoesNotRead) {
   store_->add("town", "2", folder_.path() / "second");
-  const fs::path tile = folder_.path() / "store/packages" / first_ / "tiles/0_0_0.bin";
+  const fs::path tile = folder_.path() / "store/packages" / first_ / first_pack_;
   // Stands for a bad sector: opening a socket is an error of the system's (ENXIO) to root as well.
   fs::remove(tile);
   ASSERT_EQ(::mknod(tile.c_str(), S_IFSOCK | 0600, 0), 0);
@@ -247,7 +248,7 @@ TEST_F(StoreBackupTest, SavesAllButAPackageThatTheDiskDoesNotRead) {
   const PackageStore store(folder_.path() / "store", no_links);
   EXPECT_THAT(
       [&] { back_up_store(store, backup_); },
-      ThrowsSaying<maps::InputError>({"town/1", "0_0_0.bin", "No such device", "all else"}));
+      ThrowsSaying<maps::InputError>({"town/1", first_pack_, "No such device", "all else"}));
   EXPECT_EQ(std::distance(fs::directory_iterator(backup_ / "packages"), {}), 1);
   EXPECT_THAT([&] { (void)restored(); }, ThrowsSaying<maps::InputError>({"no package", "town/1"}));
   const PackageStore again(folder_.path() / "restored0", calls_);

@@ -129,7 +129,7 @@ TEST_F(StoreUpkeepTest, ClearsHalvesOfDerivedFilesThatKilledWritersLeft) {
   const fs::path package = store_ / "packages" / first_;
   const fs::path dead = package / "differences" / ".0123-150.tiles.partial";
   const fs::path whole = package / "levels" / "levels.tiles";
-  const fs::path foreign = package / "tiles" / ".other.partial";
+  const fs::path foreign = package / "packs" / ".other.partial";
   const auto leave = [&] {
     for (const fs::path& file : {dead, whole, foreign}) {
       fs::create_directories(file.parent_path());

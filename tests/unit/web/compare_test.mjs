@@ -5,7 +5,7 @@ import { test } from 'node:test';
 const built = (name) => import(`../../../web/dist/unit/compare/${name}.js`);
 const { biggestPlaces, sideWords } = await built('difference');
 const { kCompareDefaults, readCompareState, writeCompareState } = await built('compare_state');
-const { glbPositions } = await built('glb');
+const { glbPoints } = await built('glb');
 
 const side = (area_m2, x, y) => ({
   points: 10 * area_m2, kinds: { measured: 10 * area_m2 }, area_m2, min: [20 * x, 20 * y, 0], max: [20 * x + 18, 20 * y + 5, 2], url: '',
@@ -65,14 +65,19 @@ function glbOf(...chunks) {
   return whole.buffer.slice(whole.byteOffset, whole.byteOffset + whole.length);
 }
 
-test('coordinates of a tile are read from its points of 20 bytes', () => {
+const kJson = Buffer.from('{"nodes":[{"matrix":[1,0,0,0,0,0,-1,0,0,1,0,0,1000000,5,60,1]}]}');
+
+test('coordinates of a tile are read from its points of 20 bytes, its corner from the matrix of its node', () => {
   const points = Buffer.alloc(40);
   [1, 2, 3].forEach((value, axis) => points.writeFloatLE(value, 20 + 4 * axis));
-  assert.deepEqual([...glbPositions(glbOf(['JSON', Buffer.from('{}  ')], ['BIN\0', points]))], [0, 0, 0, 1, 2, 3]);
+  const { positions, corner } = glbPoints(glbOf(['JSON', kJson], ['BIN\0', points]));
+  assert.deepEqual([...positions], [0, 0, 0, 1, 2, 3]);
+  assert.deepEqual(corner, [1_000_000, -60, 5]);
 });
 
 test('what is no tile is refused in words', () => {
-  assert.throws(() => glbPositions(new ArrayBuffer(3)), /not a GLB file/);
-  assert.throws(() => glbPositions(glbOf(['JSON', Buffer.from('{}  ')])), /without points/);
-  assert.throws(() => glbPositions(glbOf(['JSON', Buffer.from('{}  ')], ['BIN\0', Buffer.alloc(40)]).slice(0, 50)), /without points/);
+  assert.throws(() => glbPoints(new ArrayBuffer(3)), /not a GLB file/);
+  assert.throws(() => glbPoints(glbOf(['JSON', kJson])), /without points/);
+  assert.throws(() => glbPoints(glbOf(['JSON', Buffer.from('{}  ')], ['BIN\0', Buffer.alloc(40)])), /without points/);
+  assert.throws(() => glbPoints(glbOf(['JSON', kJson], ['BIN\0', Buffer.alloc(40)]).slice(0, 110)), /without points/);
 });

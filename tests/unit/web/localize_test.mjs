@@ -111,7 +111,7 @@ test('scans of a folder come in the order of their numbers', () => {
 
 test('residuals are distances to the nearest point, across cells and below zero too', () => {
   const map = new MapPoints();
-  map.add([0.49, 0, 0, -0.01, -3, 2]);
+  map.add([0.49, -40, 0, -0.01, -43, 2], [0, 40, 0]);
   near(map.residual(0.51, 0, 0), 0.02);
   near(map.residual(0.01, -3, 2), 0.02);
   assert.equal(map.residual(5, 5, 5), kMaxResidual_m);
@@ -122,7 +122,7 @@ test('residuals agree with looking at every point', () => {
   const random = () => ((seed = (seed * 48271) % 2147483647) / 2147483647) * 3 - 1.5;
   const points = Array.from({ length: 900 }, random);
   const map = new MapPoints();
-  map.add(points);
+  map.add(points, [0, 0, 0]);
   for (let i = 0; i < 200; ++i) {
     const [x, y, z] = [random(), random(), random()];
     let least = kMaxResidual_m;

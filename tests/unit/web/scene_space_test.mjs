@@ -76,7 +76,7 @@ function points(places) {
     [x, y, z].forEach((value, axis) => view.setFloat32(20 * i + 4 * axis, value, true));
     view.setUint8(20 * i + 18, kind);
   });
-  return readPoints(view.buffer);
+  return readPoints(view.buffer, [0, 0, 0]);
 }
 
 test('a profile has the points of the cut, by metres along it and height', () => {

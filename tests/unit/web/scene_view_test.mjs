@@ -4,6 +4,7 @@ import { test } from 'node:test';
 const { ramp } = await import('../../../web/dist/unit/scene/colour_maps.js');
 const { readViewState, writeViewState } = await import('../../../web/dist/unit/scene/view_state.js');
 const { errorForBudget } = await import('../../../web/dist/unit/scene/budget.js');
+const { sceneOrigin } = await import('../../../web/dist/unit/scene/scene_origin.js');
 const { TileSource } = await import('../../../web/dist/unit/scene/tile_source.js');
 const { ApiError } = await import('../../../web/dist/unit/api/errors.js');
 const { toGeodetic } = await import('../../../web/dist/unit/scene/geodetic.js');
@@ -205,4 +206,10 @@ test('a decision about an object replaces the one before and leaves the others',
   assert.deepEqual(decide(first, kCar, undefined), [region]);
   assert.deepEqual([...decisionsOf(first, [kCar])], [[3, 'keep']]);
   assert.equal(decisionsOf([{ action: 'keep', object: { centre: [5, 2, 0], class: 'van' } }], [kCar]).size, 0);
+});
+
+test('a picture has its origin amid the tiles, however far these are from the origin of the map', () => {
+  const tile = (x, y) => ({ min: [x, y, 3], max: [x + 20, y + 19.5, 4] });
+  assert.deepEqual(sceneOrigin([100.25, 200, 7], [tile(1_000_000, -40), tile(1_000_200, 80)]), [1_000_210.25, 230, 7]);
+  assert.deepEqual(sceneOrigin([1, 2, 3], []), [1, 2, 3]);
 });

@@ -6,7 +6,7 @@ import { MapCloud } from '../scene/map_cloud.js';
 import { PaintedPoints, rgbOf } from '../scene/painted_points.js';
 import type { Scene } from '../scene/scene.js';
 import type { Trouble } from '../scene/tile_source.js';
-import type { Theme, Vec3 } from '../scene/types.js';
+import { add, subtract, type Theme, type Vec3 } from '../scene/types.js';
 import type { Layout } from './compare_state.js';
 import type { Difference, Place, TileSide } from './difference.js';
 import { differencePoints, type Version } from './routes.js';
@@ -129,14 +129,14 @@ export class CompareScene {
   }
 
   private async add(tile: TileSide, side: 'onlyA' | 'onlyB', origin: Vec3, signal: AbortSignal): Promise<void> {
-    const positions = await differencePoints(tile.url, signal);
+    const { positions, corner } = await differencePoints(tile.url, signal);
     if (signal.aborted) return;
     const cloud = side === 'onlyA' ? this.a : this.b;
     const points = new PaintedPoints({
       positions, sizeM: 1.4 * this.versions.b.voxel_size_m, pixels: [2.2, 16], towardsEyeM: 1.5 * this.versions.b.voxel_size_m,
     });
     // As a child of the version's points, so that both are shown on the same side.
-    points.object.position.set(origin[0] - cloud.origin[0], origin[1] - cloud.origin[1], origin[2] - cloud.origin[2]);
+    points.object.position.set(...add(corner, subtract(origin, cloud.origin)));
     this.paint(points, side);
     cloud.group.add(points.object);
     points.object.updateMatrixWorld();

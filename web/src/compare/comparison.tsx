@@ -72,7 +72,7 @@ export function Comparison({ map, a, b, names, query }: Props) {
       </div>
       <div class="stage">
         <SceneCanvas
-          origin={a.origin} onScene={setScene}
+          origin={a.scene_origin} onScene={setScene}
           label={`Versions ${a.name} and ${b.name} of ${map} in 3D. Arrow keys turn them, Shift with arrow keys moves them, plus and minus zoom, 0 shows all.`}
         />
         <p class="side-label a"><span class="swatch" /> {a.name}</p>

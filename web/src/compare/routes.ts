@@ -1,12 +1,16 @@
 import { addressOf, ask, type Schema } from '../api/client.js';
 import { jsonOf, send, sleep } from '../api/send.js';
 import type { Difference } from './difference.js';
-import { glbPositions } from './glb.js';
+import { sceneOrigin } from '../scene/scene_origin.js';
+import type { Vec3 } from '../scene/types.js';
+import { glbPoints, type GlbPoints } from './glb.js';
 
 /** What of a version is needed to show it. */
 export interface Version {
   name: string;
   origin: [number, number, number];
+  /** Of a picture of it, in map coordinates [m]. */
+  scene_origin: Vec3;
   voxel_size_m: number;
   points: number;
 }
@@ -15,9 +19,11 @@ type About = Schema<'Map'>;
 
 export async function aboutVersion(map: string, version: string, signal: AbortSignal): Promise<Version> {
   const about: About = (await ask('get', '/v1/maps/{map}/versions/{version}', { path: { map, version }, signal })).data;
+  const origin = (about.origin ?? [0, 0, 0]) as [number, number, number];
   return {
     name: version,
-    origin: (about.origin ?? [0, 0, 0]) as [number, number, number],
+    origin,
+    scene_origin: sceneOrigin(origin, about.tiles ?? []),
     voxel_size_m: about.voxel_size_m ?? 0.1,
     points: (about.tiles ?? []).reduce((sum, tile) => sum + tile.points, 0),
   };
@@ -47,7 +53,7 @@ export async function difference(
   }
 }
 
-/** Points of one side of a difference in a tile, x, y, z one after the other. */
-export async function differencePoints(url: string, signal: AbortSignal): Promise<Float32Array> {
-  return glbPositions(await (await send('GET', url, { signal })).arrayBuffer());
+/** Points of one side of a difference in a tile. */
+export async function differencePoints(url: string, signal: AbortSignal): Promise<GlbPoints> {
+  return glbPoints(await (await send('GET', url, { signal })).arrayBuffer());
 }

@@ -5,9 +5,11 @@ import type { Rgb } from '../scene/colour_maps.js';
 import { shareHeights } from '../scene/height_range.js';
 import { MapCloud } from '../scene/map_cloud.js';
 import { rgbOf } from '../scene/painted_points.js';
+import { cornerOf } from '../scene/point_layout.js';
+import type { RegionTile } from '../scene/region.js';
 import type { Scene } from '../scene/scene.js';
 import type { Trouble } from '../scene/tile_source.js';
-import type { Theme } from '../scene/types.js';
+import { add, subtract, type Theme } from '../scene/types.js';
 import type { Answer } from './answer.js';
 import { lookOf, type Look, type Vehicle } from './fleet.js';
 import { disposeMarks, pathLine, uncertaintyMarks, VehicleMark } from './marks.js';
@@ -24,7 +26,7 @@ export interface ShownMap {
   origin: Vec3;
   voxel_size_m: number;
   tile_size_m: number;
-  tiles: readonly { level: number; x: number; y: number }[];
+  tiles: readonly RegionTile[];
 }
 
 /** Scan points further from the sensor than this are not compared with the map [m]. */
@@ -226,8 +228,9 @@ export class MapScene {
     const name = `${x}/${y}`;
     let fetched = this.fetched.get(name);
     if (fetched === undefined) {
-      // The picture's origin is the map's, so both use a tile's coordinates.
-      fetched = tileOf({ map: this.map.name, version: this.map.version }, x, y, this.stop.signal).then((positions) => this.points.add(positions));
+      // Relative to the picture's origin, as the scan.
+      const from = add(cornerOf({ level: 0, x, y }), subtract(this.map.origin as Vec3, this.scene.origin));
+      fetched = tileOf({ map: this.map.name, version: this.map.version }, x, y, this.stop.signal).then((positions) => this.points.add(positions, from));
       fetched.catch(() => this.fetched.delete(name));
       this.fetched.set(name, fetched);
     }

@@ -1,3 +1,5 @@
+import type { Vec3 } from '../scene/types.js';
+
 /** A point further away than this counts as not in the map [m]. */
 export const kMaxResidual_m = 0.5;
 const kCell_m = 0.5;
@@ -11,10 +13,10 @@ const cellKey = (x: number, y: number, z: number): number =>
 export class MapPoints {
   private readonly cells = new Map<number, number[]>();
 
-  /** @param positions x, y, z one after the other, relative to the map's origin [m]. */
-  add(positions: ArrayLike<number>): void {
+  /** @param positions x, y, z one after the other [m]. @param from what they count from; a place near it is zero. */
+  add(positions: ArrayLike<number>, from: Vec3): void {
     for (let i = 0; i + 2 < positions.length; i += 3) {
-      const [x, y, z] = [positions[i]!, positions[i + 1]!, positions[i + 2]!];
+      const [x, y, z] = [positions[i]! + from[0], positions[i + 1]! + from[1], positions[i + 2]! + from[2]];
       const key = cellKey(Math.floor(x / kCell_m), Math.floor(y / kCell_m), Math.floor(z / kCell_m));
       const cell = this.cells.get(key);
       if (cell === undefined) this.cells.set(key, [x, y, z]);

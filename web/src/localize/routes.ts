@@ -76,7 +76,7 @@ function gnssOf(start: Extract<Start, { kind: 'gnss' }>): Schema<'Gnss'> {
   return { latitude_deg, longitude_deg, sigma_m, ...(altitude_m === null ? {} : { altitude_m }) };
 }
 
-/** The coordinates of a tile of level 0, relative to the map's origin [m]. */
+/** The coordinates of a tile of level 0, relative to its corner [m]. */
 export async function tileOf({ map, version }: { map: string; version: string }, x: number, y: number, signal: AbortSignal): Promise<Float32Array> {
   return tilePositions(await (await send('GET', `${versionPath(map, version)}/tiles/0/${x}/${y}`, { signal })).arrayBuffer());
 }

@@ -1,6 +1,7 @@
 import type { ComponentChildren } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import { Scene } from '../scene/scene.js';
+import { sceneOrigin } from '../scene/scene_origin.js';
 import type { Trouble as TileTrouble } from '../scene/tile_source.js';
 import { replaceQuery } from '../state/router.js';
 import { SceneCanvas, StageTrouble } from '../ui/scene_canvas.js';
@@ -35,6 +36,7 @@ const wantsStill = (): boolean => window.matchMedia('(prefers-reduced-motion: re
 export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Props) {
   const localizer = useMemo(() => new Localizer(place, wantsStill), []);
   useEffect(() => () => localizer.dispose(), []);
+  const origin = useMemo(() => sceneOrigin(map.origin, map.tiles), [map]);
   const [scene, setScene] = useState<Scene>();
   const [trouble, setTrouble] = useState<TileTrouble>();
   const mapScene = useMapScene(scene, map, poses, localizer, setTrouble);
@@ -70,7 +72,7 @@ export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Pro
       </div>
       <div class="stage">
         <SceneCanvas
-          origin={map.origin} onScene={setScene}
+          origin={origin} onScene={setScene}
           label={`Map ${map.name}, version ${map.version}, in 3D. Arrow keys turn it, Shift with arrow keys moves it, plus and minus zoom, 0 shows all of it, T shows it from above.`}
         />
         <div class="stage-tools">

@@ -12,8 +12,8 @@ export interface GridHead {
 export interface Cells {
   readonly count: number;
   readonly cellM: number;
-  readonly x: Float32Array;
-  readonly y: Float32Array;
+  readonly x: Float64Array;
+  readonly y: Float64Array;
   readonly height: Float32Array;
   readonly value: Float32Array;
 }
@@ -44,7 +44,7 @@ export function cellsOf(grid: GridHead, heights: Float32Array, values: Float32Ar
   };
   return {
     count: kept.length, cellM: grid.cell_m,
-    x: column((cell) => corner(cell, 0)), y: column((cell) => corner(cell, 1)),
+    x: Float64Array.from(kept, (cell) => corner(cell, 0)), y: Float64Array.from(kept, (cell) => corner(cell, 1)),
     height: column((cell) => heights[cell] as number), value: column((cell) => values[cell] as number),
   };
 }

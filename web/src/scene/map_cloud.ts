@@ -11,7 +11,7 @@ import { kPointWords } from './point_layout.js';
 import { PointMaterials } from './point_materials.js';
 import { levelOf, TilePoints, type PickedPoint, type Ranges } from './tile_points.js';
 import { isPassing, TileSource, type Ask, type Trouble } from './tile_source.js';
-import { kKinds, subtract, type Kind, type Vec3 } from './types.js';
+import { add, kKinds, subtract, type Kind, type Vec3 } from './types.js';
 
 export type { PickedPoint, Ranges } from './tile_points.js';
 
@@ -27,7 +27,7 @@ const kShapeBoxes = 100;
 export interface MapCloudOptions {
   /** Of the version's tileset.json. */
   readonly tilesetUrl: string;
-  /** Origin of the map in map coordinates [m], which is added to a tile's coordinates. */
+  /** Origin of the map in map coordinates [m], from which tiles are placed. */
   readonly origin: Vec3;
   /** Spacing of the finest points [m]. */
   readonly voxelSizeM: number;
@@ -169,7 +169,8 @@ export class MapCloud {
       if (left <= 0) break;
       const { points } = loaded;
       loaded.pick ??= new PickPoints(points.floats, kPointWords, points.count);
-      const { hit, looked } = loaded.pick.nearest(own, tolerance, (i) => this.isSeen(points, i), left);
+      const inTile: Ray = { origin: subtract(own.origin, points.corner), direction: own.direction };
+      const { hit, looked } = loaded.pick.nearest(inTile, tolerance, (i) => this.isSeen(points, i), left);
       left -= looked;
       if (hit !== undefined && (best === undefined || hit.depth < best.hit.depth)) best = { hit, loaded };
     }
@@ -219,7 +220,7 @@ export class MapCloud {
   private prepare(scene: THREE.Object3D, tile: Tile): Promise<void> {
     scene.traverse((object) => {
       if (!(object instanceof THREE.Points)) return;
-      const points = new TilePoints(object.geometry as THREE.BufferGeometry, levelOf(tile));
+      const points = new TilePoints(object, levelOf(tile));
       this.ranges_ ??= points.ranges(this.origin);
       this.loaded_.set(tile, { points });
     });
@@ -239,7 +240,9 @@ export class MapCloud {
     if (this.clip_ === undefined) return true;
     const at = i * kPointWords;
     const { x, y, z } = this.group.position;
-    const inside = contains(this.clip_.box, (points.floats[at] as number) + x, (points.floats[at + 1] as number) + y, (points.floats[at + 2] as number) + z);
+    const corner = add(points.corner, [x, y, z]);
+    const place = (axis: 0 | 1 | 2): number => (points.floats[at + axis] as number) + corner[axis];
+    const inside = contains(this.clip_.box, place(0), place(1), place(2));
     return inside === (this.clip_.mode === 'inside');
   }
 
@@ -248,10 +251,10 @@ export class MapCloud {
     for (const tile of this.tiles_?.visibleTiles ?? []) {
       const loaded = this.loaded_.get(tile);
       if (loaded === undefined) continue;
-      const { geometry } = loaded.points;
+      const { geometry, corner } = loaded.points;
       if (geometry.boundingSphere === null) geometry.computeBoundingSphere();
       const { center, radius } = geometry.boundingSphere as THREE.Sphere;
-      const offset = subtract([center.x, center.y, center.z], ray.origin);
+      const offset = subtract(add([center.x, center.y, center.z], corner), ray.origin);
       const depth = offset[0] * ray.direction[0] + offset[1] * ray.direction[1] + offset[2] * ray.direction[2];
       const beside = Math.sqrt(Math.max(Math.hypot(...offset) ** 2 - depth * depth, 0));
       if (depth + radius > 0 && beside <= radius + tolerance * (depth + radius)) found.push({ loaded, depth: depth - radius });

@@ -1,5 +1,5 @@
 import { mayTouch, type Box } from './clip_box.js';
-import { readPoints, type Points } from './point_layout.js';
+import { cornerOf, readPoints, type Points } from './point_layout.js';
 import type { Vec3 } from './types.js';
 
 /** A tile of full resolution; bounds [m] relative to the map's origin. */
@@ -45,7 +45,7 @@ export async function fetchRegion(
       const tile = tiles[number] as RegionTile;
       const bytes = await get(tile);
       try {
-        found[number] = readPoints(bytes, tile.points);
+        found[number] = readPoints(bytes, cornerOf(tile), tile.points);
       } catch (error) {
         throw new Error(`Tile ${tile.level}/${tile.x}/${tile.y} is damaged: ${(error as Error).message}. Try again, or check the version with “stillmap store verify”.`);
       }

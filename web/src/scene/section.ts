@@ -1,5 +1,5 @@
 import type { Box } from './clip_box.js';
-import type { Points } from './point_layout.js';
+import { coordinateOf, type Points } from './point_layout.js';
 import type { Vec3 } from './types.js';
 
 /** A vertical cut through the map from `from` to `to`, `width` [m] thick; heights from `low` to `high` [m]. */
@@ -36,7 +36,7 @@ export function boxOf(section: Section): Box {
 /**
  * The points of the cut, from the side: `along` runs from 0 at `from` to the length at `to`.
  *
- * @param tiles  in the frame of the section.
+ * @param section  relative to the map's origin, as the tiles' corners.
  * @param holds  which kinds are wanted, by index in kKinds.
  * @throws RangeError when both ends are the same place.
  */
@@ -45,9 +45,10 @@ export function profileOf(section: Section, tiles: readonly Points[], holds: (ki
   if (!(length > 0)) throw new RangeError('section: both ends are the same place, expected two');
   const [ux, uy] = [(section.to[0] - section.from[0]) / length, (section.to[1] - section.from[1]) / length];
   const [along, heights, kinds]: [number[], number[], number[]] = [[], [], []];
-  for (const { count, positions, kinds: kindOf } of tiles) {
-    for (let i = 0; i < count; ++i) {
-      const [x, y, z] = [positions[3 * i] as number, positions[3 * i + 1] as number, positions[3 * i + 2] as number];
+  for (const tile of tiles) {
+    const { kinds: kindOf } = tile;
+    for (let i = 0; i < tile.count; ++i) {
+      const [x, y, z] = [coordinateOf(tile, i, 0), coordinateOf(tile, i, 1), coordinateOf(tile, i, 2)];
       if (z < section.low || z > section.high || !holds(kindOf[i] as number)) continue;
       const [dx, dy] = [x - section.from[0], y - section.from[1]];
       const at = ux * dx + uy * dy;

@@ -31,12 +31,19 @@ export class TilePoints {
   readonly floats: Float32Array;
   private readonly bits_: Uint32Array;
 
-  /** @param geometry from the glTF loader: one interleaved buffer. */
+  /** What the points are relative to, itself relative to the map's origin [m]. */
+  readonly corner: Vec3;
+  readonly geometry: THREE.BufferGeometry;
+
+  /** @param object from the glTF loader: one interleaved buffer, and y up. */
   constructor(
-    readonly geometry: THREE.BufferGeometry,
+    object: THREE.Points,
     readonly level: number,
   ) {
-    this.floats = (geometry.getAttribute('position') as THREE.InterleavedBufferAttribute).data.array as Float32Array;
+    const { x, y, z } = object.position;
+    this.corner = [x, -z, y];
+    this.geometry = object.geometry;
+    this.floats = (this.geometry.getAttribute('position') as THREE.InterleavedBufferAttribute).data.array as Float32Array;
     this.bits_ = new Uint32Array(this.floats.buffer, this.floats.byteOffset, this.floats.length);
     this.count = this.floats.length / kPointWords;
     this.share();
@@ -49,7 +56,8 @@ export class TilePoints {
   /** @param origin of the map: added in doubles, since map coordinates can be too large for floats. */
   point(index: number, origin: Vec3): PickedPoint {
     const at = index * kPointWords;
-    const place = [0, 1, 2].map((axis) => (this.floats[at + axis] as number) + (origin[axis] as number)) as unknown as Vec3;
+    const place = [0, 1, 2].map((axis) =>
+      (this.floats[at + axis] as number) + (this.corner[axis] as number) + (origin[axis] as number)) as unknown as Vec3;
     return {
       position: place, intensity: this.floats[at + 3] as number, observations: this.facts(index) & 0xffff,
       kind: this.kind(index), level: this.level,
@@ -64,7 +72,7 @@ export class TilePoints {
     const intensities = new Histogram(this.largestIntensity() > 2 ? 1 : 0.005);
     const step = Math.max(1, Math.floor(this.count / kRangeSamples));
     for (let i = 0; i < this.count; i += step) {
-      heights.add((this.floats[i * kPointWords + 2] as number) + origin[2]);
+      heights.add((this.floats[i * kPointWords + 2] as number) + this.corner[2] + origin[2]);
       intensities.add(this.floats[i * kPointWords + 3] as number);
       observations.add(this.facts(i) & 0xffff);
     }

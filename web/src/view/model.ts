@@ -11,6 +11,7 @@ import type { Decision } from '../scene/object_colours.js';
 import { ObjectsLayer } from '../scene/objects_layer.js';
 import type { Pick } from '../scene/pointers.js';
 import { Scene } from '../scene/scene.js';
+import { sceneOrigin } from '../scene/scene_origin.js';
 import type { SeenObject } from '../scene/seen_objects.js';
 import { SketchLayer } from '../scene/sketch_layer.js';
 import type { Trouble } from '../scene/tile_source.js';
@@ -65,7 +66,8 @@ export class ViewerModel {
   /** @throws Error if the browser has no WebGL 2. */
   constructor(canvas: HTMLCanvasElement, readonly facts: MapFacts, state: ViewState, private theme_: Theme) {
     this.options = new Store(optionsOf(state));
-    this.scene = new Scene(canvas, theme_, facts.origin);
+    this.scene = new Scene(canvas, theme_, sceneOrigin(facts.origin, facts.tiles));
+    const { origin } = this.scene;
     this.cloud = new MapCloud({
       tilesetUrl: `${versionPath(facts.name, facts.version)}/3dtiles/tileset.json`,
       origin: facts.origin, voxelSizeM: facts.voxel_size_m,
@@ -73,11 +75,11 @@ export class ViewerModel {
       onChange: () => this.scene.requestRender(), onTrouble: (trouble) => this.trouble.set(trouble),
     });
     this.scene.addCloud(this.cloud);
-    this.objects_ = new ObjectsLayer(facts.origin);
-    this.track_ = new TrackLayer(facts.origin);
-    this.sketch_ = new SketchLayer(facts.origin);
+    this.objects_ = new ObjectsLayer(origin);
+    this.track_ = new TrackLayer(origin);
+    this.sketch_ = new SketchLayer(origin);
     this.corrections_ = new Corrections(facts.name);
-    this.grid = new GridView(new GridLayer(facts.origin), facts, this.stop_.signal, () => this.cutSigns());
+    this.grid = new GridView(new GridLayer(origin), facts, this.stop_.signal, () => this.cutSigns());
     this.scene.overlay.add(
       this.objects_.group, this.track_.trajectory, this.track_.keyframes, this.track_.loops, this.sketch_.group, this.grid.group);
     this.tools = new Tools(this, this.sketch_, this.stop_.signal);
@@ -239,8 +241,8 @@ export class ViewerModel {
     const { ranges } = this.cloud;
     if (ranges !== undefined && this.ranges.get() === undefined) {
       this.ranges.set(ranges);
-      // The picture's coordinates are relative to the origin.
-      const up = this.facts.origin[2];
+      // The picture's coordinates are relative to its origin.
+      const up = this.scene.origin[2];
       this.cloud.materials.setRange('height', { low: ranges.height.low - up, high: ranges.height.high - up });
       this.cloud.materials.setRange('intensity', ranges.intensity);
       this.cloud.materials.setRange('observations', ranges.observations);

@@ -3,7 +3,7 @@ import { isAborted, toApiError } from '../api/errors.js';
 import { send } from '../api/send.js';
 import { boxOverDiagonal, contains, type Box, type ClipMode } from '../scene/clip_box.js';
 import { exportPoints, type ExportFormat } from '../scene/export_points.js';
-import { select, type Points } from '../scene/point_layout.js';
+import { coordinateOf, select, type Points } from '../scene/point_layout.js';
 import type { PointerPlace, Tool } from '../scene/pointers.js';
 import { fetchRegion, tilesOf } from '../scene/region.js';
 import { boxOf, extentOf, lengthOf, profileOf, type Profile, type Section } from '../scene/section.js';
@@ -100,9 +100,10 @@ export class Tools {
   /** Points in full resolution as a file. */
   async export(scope: ExportScope, format: ExportFormat): Promise<{ blob: Blob; points: number } | undefined> {
     try {
-      const points = await this.points(scope, this.signal_);
+      const tiles = await this.points(scope, this.signal_);
+      const blob = exportPoints(tiles, this.model_.facts.origin, format);
       this.work.set({ state: 'none' });
-      return { blob: exportPoints(points, this.model_.facts.origin, format), points: points.count };
+      return { blob, points: tiles.reduce((sum, { count }) => sum + count, 0) };
     } catch (error) {
       if (!isAborted(error)) this.work.set({ state: 'failed', text: toApiError(error).message });
       return undefined;
@@ -202,7 +203,7 @@ export class Tools {
     }
   }
 
-  // Tiles are relative to the map's origin.
+  // Corners of tiles are relative to the map's origin.
   private profileIn(section: Section, tiles: readonly Points[]): Profile {
     const up = this.model_.facts.origin[2];
     const profile = profileOf({
@@ -211,7 +212,7 @@ export class Tools {
     return { ...profile, heights: profile.heights.map((height) => height + up) };
   }
 
-  private async points(scope: ExportScope, signal: AbortSignal): Promise<Points> {
+  private async points(scope: ExportScope, signal: AbortSignal): Promise<Points[]> {
     const { kinds, clip } = this.model_.options.get();
     const section = this.section.get();
     const box = scope === 'clip' ? clip?.box : scope === 'section' ? section && boxOf(section) : undefined;
@@ -219,8 +220,8 @@ export class Tools {
     const tiles = await this.fetch(outside ? undefined : box, signal);
     const shown = kKinds.map((kind: Kind) => kinds.includes(kind));
     const own = box && { ...box, centre: this.inMap(box.centre) };
-    return select(tiles, ({ positions, kinds: kindOf }, i) => shown[kindOf[i] as number] === true && (own === undefined ||
-      contains(own, positions[3 * i] as number, positions[3 * i + 1] as number, positions[3 * i + 2] as number) !== outside));
+    return tiles.map((tile) => select(tile, (i) => shown[tile.kinds[i] as number] === true && (own === undefined ||
+      contains(own, coordinateOf(tile, i, 0), coordinateOf(tile, i, 1), coordinateOf(tile, i, 2)) !== outside)));
   }
 
   private fetch(box: Box | undefined, signal: AbortSignal): Promise<Points[]> {

@@ -111,7 +111,7 @@ class Map:
     def frame_id(self) -> str: ...
     @property
     def origin(self) -> NDArray[np.float64]:
-        """(3,): added to coordinates of tiles it gives map coordinates [m]; a view."""
+        """(3,): where the grid of tiles begins, in map coordinates [m]; a view."""
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Least and largest map coordinates of all points [m]; copies."""
@@ -129,9 +129,11 @@ class Map:
     def tile(self, x: int, y: int, *, level: int = 0) -> NDArray[Any]:
         """Points of a tile; a copy.
 
-        Fields x, y, z (float32, relative to `origin` [m]), intensity, observations, kind, object. Empty where there
-        is no tile.
+        Fields x, y, z (float32, relative to `tile_corner` [m]), intensity, observations, kind, object. Empty where
+        there is no tile.
         """
+    def tile_corner(self, x: int, y: int, *, level: int = 0) -> NDArray[np.float64]:
+        """(3,): added to coordinates of the tile in float64 it gives map coordinates [m]."""
     def tile_history(self, x: int, y: int, *, level: int = 0) -> NDArray[Any]:
         """What else is known of a tile's points, in their order; a copy.
 

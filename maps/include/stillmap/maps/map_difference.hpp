@@ -74,7 +74,7 @@ class MapDifference {
   [[nodiscard]] const DifferenceTile* find(DifferenceSide side, std::int32_t x,
                                            std::int32_t y) const;
   [[nodiscard]] DifferenceCounts total(DifferenceSide side) const;
-  /// Relative to the origin of the first version. @param tile  one of `tiles()`.
+  /// From the tile's corner. @param tile  one of `tiles()`.
   /// @throws InputError when they are damaged, StorageError.
   [[nodiscard]] std::vector<MapPoint> points(const DifferenceTile& tile) const;
 

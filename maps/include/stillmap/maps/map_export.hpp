@@ -19,7 +19,7 @@ namespace stillmap::maps {
 /// What the coordinates of an exported file are.
 enum class ExportFrame {
   kMap,    ///< the map's own
-  kLocal,  ///< the map's own, less the `origin` of its manifest
+  kLocal,  ///< the map's own, less `local_origin`
   kUtm,    ///< easting, northing [m] in the zone of the geodetic origin, height above the ellipsoid
   kMgrs,   ///< the same, less the corner of the MGRS square of 100 km that the map lies in
   /// Transverse Mercator of scale 0.9996 through the geodetic origin, its zero; height above the
@@ -27,6 +27,11 @@ enum class ExportFrame {
   kTransverseMercator,
 };
 [[nodiscard]] std::string_view name_of(ExportFrame frame);
+
+/// Where kLocal counts from, in the map frame [m]: the `origin` of the manifest. Of a map that lies
+/// so far from it that 32-bit floats are coarser than a millimetre it is a whole number of
+/// kilometres from there, near the map's middle.
+[[nodiscard]] Eigen::Vector3d local_origin(const MapPackage& map);
 
 /// What is not set is the format's own choice; what a format has no use for must not be set.
 struct MapExportOptions {

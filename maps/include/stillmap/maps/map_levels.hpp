@@ -18,8 +18,11 @@ class TileFile;
 /// Level 0 are the package's own tiles. A tile of level L holds the points of its four tiles of
 /// level L - 1, thinned to one a voxel of `voxel_m(manifest, L)`: the one nearest to the voxel's
 /// centre; of those equally near the one of most observations; of those the first in the order of
-/// the tiles and in them. So every point of a level is a point of the level below, to the bit. The
-/// highest level is the first that has at most `kFewPoints` points in at most `kFewTiles` tiles.
+/// the tiles and in them. So every point of a level is a point of the level below. The highest
+/// level is the first that has at most `kFewPoints` points in at most `kFewTiles` tiles.
+///
+/// Coordinates count from the tile's corner, in floats: points of a map in steps (`tile_steps.hpp`)
+/// stay exact up to level 4, and are off by at most half a millimetre up to level 9.
 ///
 /// They lie in a file in the package's folder `levels/`, outside its digest: what is damaged,
 /// missing or of another format is made anew. Immutable, safe from several threads.
@@ -50,7 +53,7 @@ class MapLevels {
   [[nodiscard]] const std::vector<TileEntry>& tiles() const { return tiles_; }
   /// One of `tiles()`; null when there is none.
   [[nodiscard]] const TileEntry* find(TileId id) const;
-  /// Points of a tile from level 1 on, checked; empty when there is none.
+  /// Points of a tile from level 1 on, from its corner, checked; empty when there is none.
   /// @throws InputError when they are damaged, StorageError.
   [[nodiscard]] std::vector<MapPoint> points(TileId id) const;
 

@@ -33,7 +33,7 @@ struct TileEntry {
   std::uint64_t points = 0;
   /// Of the points, relative to the manifest's origin [m]; ask `from_origin` or
   /// `MapManifest::bounds_of`.
-  std::array<float, 3> min{}, max{};
+  std::array<double, 3> min{}, max{};
 
   /// Bounds of the points, relative to the manifest's origin [m].
   [[nodiscard]] Eigen::AlignedBox3d from_origin() const {
@@ -102,23 +102,23 @@ class PackWriter;
 /// Nothing is visible at `target` before `publish`; the destructor removes what was not published.
 class MapPackageWriter {
  public:
-  /// @param survivor  see `PartialFolder`.
+  /// @param survivor  see `PartialFolder`. @param schema  of the package: 1 or 2.
   /// @throws InputError if `target` exists, StorageError if its folder cannot be written.
-  /// @param schema  of the package: 1 or 2.
   explicit MapPackageWriter(const std::filesystem::path& target, std::string survivor = {},
-                            int schema = 1);
+                            int schema = kPackageSchema);
   ~MapPackageWriter();
 
   /// Folder to put further files in (trajectory.tum, objects.json, preview.png, ...); all are
   /// hashed but the survivor.
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_.path(); }
-  /// @param points   relative to the manifest's origin, at least one, all finite.
+  /// @param points   relative to the manifest's origin, at least one, all finite. Schema 2 puts
+  /// them in steps (`tile_steps.hpp`), and has tiles of level 0 only.
   /// @param history  one a point, or empty when there is none.
   /// @throws std::invalid_argument if not, or when the tile was added before.
   void add_tile(TileId id, std::span<const MapPoint> points,
                 std::span<const PointHistory> history = {});
   /// The same of points that count from a corner near them, so that they are exact far from the
-  /// origin, too. Schema 2 puts them in steps.
+  /// origin, too.
   void add_tile(TileId id, const MapTile& tile, std::span<const PointHistory> history = {});
   /// How many scans each drive has; before the first tile. Schema 2 numbers scans by drive.
   void set_drives(std::vector<std::uint32_t> scans) { drive_scans_ = std::move(scans); }

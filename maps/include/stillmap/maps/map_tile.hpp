@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
@@ -23,8 +24,7 @@ enum class PointKind : std::uint8_t {
 
 /// One point of a tile, 20 bytes, little endian where it lies in a file.
 struct MapPoint {
-  /// [m], relative to a corner that its `MapTile` knows; on its own relative to the manifest's
-  /// `origin`.
+  /// [m], relative to a corner that its `MapTile` knows, most often its tile's (`corner_of`).
   float x, y, z;
   float intensity;
   /// Observations merged into this point, saturating.
@@ -62,6 +62,12 @@ struct TileId {
 
 inline constexpr double kTileSizeM = 20.0;
 
+/// Where a tile begins, relative to the map's origin [m]; its heights count from the origin.
+[[nodiscard]] inline Eigen::Vector3d corner_of(TileId id) {
+  const double width_m = std::ldexp(kTileSizeM, static_cast<int>(id.level));
+  return {width_m * id.x, width_m * id.y, 0.0};
+}
+
 /// The same point elsewhere. @param position  [m], rounded to floats.
 [[nodiscard]] inline MapPoint moved_to(MapPoint point, const Eigen::Vector3d& position) {
   point.x = static_cast<float>(position.x());
@@ -96,10 +102,13 @@ class MapTile {
   [[nodiscard]] Eigen::Vector3d from_origin(const MapPoint& point) const {
     return corner_ + Eigen::Vector3d(point.x, point.y, point.z);
   }
-  /// All of them with coordinates relative to the map's origin, as derived files and the server's
-  /// answers have them. Far from the origin such floats are coarse.
-  [[nodiscard]] std::vector<MapPoint> points_from_origin() && {
-    for (MapPoint& point : points_) point = moved_to(point, from_origin(point));
+  /// All of them with coordinates that count from another corner. @param corner  relative to the
+  /// map's origin [m]: near the points, since floats grow coarse far from it.
+  [[nodiscard]] std::vector<MapPoint> points_from(const Eigen::Vector3d& corner) && {
+    const Eigen::Vector3d shift = corner_ - corner;
+    if (shift != Eigen::Vector3d::Zero())
+      for (MapPoint& point : points_)
+        point = moved_to(point, shift + Eigen::Vector3d(point.x, point.y, point.z));
     return std::move(points_);
   }
 
