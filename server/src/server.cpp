@@ -1,7 +1,9 @@
 #include <stillmap/server/server.hpp>
 
+#include <stillmap/maps/error.hpp>
 #include "http/http_server.hpp"
 #include "management.hpp"
+#include "store/folder_lock.hpp"
 
 #include <spdlog/spdlog.h>
 
@@ -13,12 +15,30 @@
 
 namespace stillmap::server {
 
+namespace {
+
+/// @return nothing where the file system allows no such lock. @throws InputError while the store is
+/// migrated.
+std::optional<FolderLock> lock_for_serving(const std::filesystem::path& store) {
+  try {
+    if (auto lock = FolderLock::try_folder(store, FolderLock::Kind::kShared)) return lock;
+  } catch (const maps::StorageError& error) {
+    spdlog::warn("{}: stop this server before `stillmap store migrate`", error.what());
+    return std::nullopt;
+  }
+  throw maps::InputError(store.string(), "a store that is being migrated",
+                         "one that is not: wait for `stillmap store migrate`, then start again");
+}
+
+}  // namespace
+
 struct Server::Parts {
   Parts(const ServerOptions& options, const std::filesystem::path& folder,
         const std::filesystem::path& web, StoreChanges changes)
       : store(folder),
         host(options.host),
         allow_without_keys(options.allow_without_keys),
+        serving(lock_for_serving(folder)),
         takes_changes(changes == StoreChanges::kTaken),
         service(options, store, build_aligners, read_web_assets(web), find_mapper(), changes),
         http(main_endpoint(options), service, &service.metrics()),
@@ -53,6 +73,8 @@ struct Server::Parts {
   mutable PackageStore store;
   std::string host;
   bool allow_without_keys;
+  /// For `stillmap store migrate`, which changes what a server has in memory.
+  std::optional<FolderLock> serving;
   bool takes_changes;
   Service service;
   HttpServer http;

@@ -40,6 +40,8 @@ POINTS = [
     ("posix/io/dir/opendir", (errno.EIO,)), ("posix/io/rw/pread", (errno.EIO,)), ("posix/io/rw/read", (errno.EIO,)),
     ("posix/mm/mmap", (errno.ENOMEM,)), ("stillmap/mkdir", (errno.EIO, errno.ENOSPC)), ("stillmap/rmdir", (errno.EIO,)),
     ("stillmap/linkat", (errno.EIO,)), ("stillmap/renameat2", (errno.EIO, errno.ENOSPC))]
+# In place of an error: the process is killed before the call.
+KILLED = -1
 # Those that a process of its own does for the server, and their maps, which nothing else changes.
 JOBS = {"import": "yard", "rebuild": "street", "short rebuild": "lane"}
 SHORT_SCANS = 4

@@ -45,6 +45,8 @@ step power_cuts build/bench/power_cuts 1 10 "$marks/power_cuts"
 step kills tests/soak/kills.py --program "$program" --packages "$packages" --seeds 1-20 --results "$marks/kills"
 step rebuild_kills tests/soak/rebuild_kills.py --program "$program" --packages "$packages" --seeds 1-10 --kills 30 \
   --results "$marks/rebuild_kills"
+step migration_kills tests/soak/migration_kills.py --program "$program" --packages "$packages" \
+  --injector build/bench/libnth_call.so --kills 60
 sample() { tests/integration/sample_map.sh "$program" "$marks/sample"; }
 step sample sample
 step shut_out tests/soak/shut_out.py --program "$program" --sample "$marks/sample"

@@ -34,16 +34,12 @@ Eigen::Vector3f in_tile(maps::TileId tile, const Eigen::Vector3d& p) {
   return rounded;
 }
 
-/// A point in steps that has not left its voxel: where the middle of its step has, the next step.
-Eigen::Vector3f in_steps_of_voxel(const VoxelGrid& grid, maps::TileId tile, std::uint64_t voxel,
-                                  const Eigen::Vector3d& p) {
-  const Eigen::Array3d steps(maps::kTileStepM, maps::kTileStepM, maps::kTileStepZM);
+/// A point in the steps of its tile, still in its voxel.
+Eigen::Vector3f in_package_steps(const VoxelGrid& grid, maps::TileId tile, std::uint64_t voxel,
+                                 const Eigen::Vector3d& p) {
   const Eigen::Vector3d corner = corner_of(tile);
-  const Eigen::Array3d begin = grid.position(tile, voxel, Eigen::Vector3d::Zero()) - corner;
-  const Eigen::Array3d middle = maps::in_steps(p - corner).cast<double>();
-  const Eigen::Array3d below = (middle < begin).cast<double>();
-  const Eigen::Array3d above = (middle >= begin + grid.voxel_size_m()).cast<double>();
-  return maps::in_steps(middle + steps * (below - above));
+  const Eigen::Vector3d begin = grid.position(tile, voxel, Eigen::Vector3d::Zero()) - corner;
+  return maps::in_steps_of_voxel(p - corner, begin, grid.voxel_size_m());
 }
 
 maps::MapPoint point_of(const Eigen::Vector3f& p, const VoxelSum& sum) {
@@ -114,7 +110,7 @@ TilePoints to_points(const VoxelGrid& grid, maps::TileId tile, const std::vector
       seen_from.push_back(lidar_of_scan(sum.first_scan));
       numbers.push_back(out.points.size());
     }
-    out.points.push_back(point_of(in_steps_of_voxel(grid, tile, sum.voxel(), p), sum));
+    out.points.push_back(point_of(in_package_steps(grid, tile, sum.voxel(), p), sum));
     out.history.push_back({sum.first_scan, sum.last_scan, sum.object, {0, 0, 0}, 0});
   }
   set_normals(measured, seen_from, numbers, out);

@@ -323,6 +323,15 @@ Eigen::Vector3f in_steps(const Eigen::Vector3d& p_tile) {
   return {in_tile_steps(p_tile.x()), in_tile_steps(p_tile.y()), in_height_steps(p_tile.z())};
 }
 
+Eigen::Vector3f in_steps_of_voxel(const Eigen::Vector3d& p_tile, const Eigen::Vector3d& begin,
+                                  double voxel_size_m) {
+  const Eigen::Array3d steps(kTileStepM, kTileStepM, kTileStepZM);
+  const Eigen::Array3d middle = in_steps(p_tile).cast<double>();
+  const Eigen::Array3d below = (middle < begin.array()).cast<double>();
+  const Eigen::Array3d above = (middle >= begin.array() + voxel_size_m).cast<double>();
+  return in_steps(middle + steps * (below - above));
+}
+
 std::vector<std::byte> encode_tile(const TileContent& tile) {
   require_encodable(tile);
   const std::vector<SourceScan> scans = scans_of(tile.history);

@@ -27,10 +27,12 @@ Json refusal(const ServedVersion& version) {
 }
 
 Json published(const StoredVersion& version) {
-  return {{"version", version.name},
-          {"digest", version.digest},
-          {"bytes", version.bytes},
-          {"created_ns", std::to_string(version.created_ns)}};
+  Json json{{"version", version.name},
+            {"digest", version.digest},
+            {"bytes", version.bytes},
+            {"created_ns", std::to_string(version.created_ns)}};
+  if (!version.former_digests.empty()) json["former_digests"] = version.former_digests;
+  return json;
 }
 
 /// How a version was made, by the keys that a list has of each.
@@ -42,7 +44,7 @@ void add_facts(Json& json, const DescribedVersion& version) {
   json["area_m2"] = facts.area_m2;
   json["frame_id"] = facts.frame_id;
   json["frame"] = version.frame;
-  json["registered_to"] = optional_text(facts.registered_to);
+  json["registered_to"] = optional_text(version.registered_to);
   json["voxel_size_m"] = facts.voxel_size_m;
   json["software_version"] = facts.software_version;
   json["drives"] = facts.drives;
@@ -124,6 +126,8 @@ std::string map_json(const StoredMap& map, const ServedVersion& version,
   json["state"] = name_of(version.state);
   if (described.facts) {
     json["bytes"] = described.stored.bytes;
+    if (!described.stored.former_digests.empty())
+      json["former_digests"] = described.stored.former_digests;
     json["version_created_ns"] = std::to_string(described.stored.created_ns);
     json["points"] = described.facts->points;
     json["area_m2"] = described.facts->area_m2;
@@ -140,7 +144,11 @@ std::string map_json(const StoredMap& map, const ServedVersion& version,
                                {"longitude_deg", origin->longitude_deg},
                                {"altitude_m", origin->altitude_m}};
   }
-  if (manifest.registration) json["registration"] = to_json(*manifest.registration);
+  if (manifest.registration) {
+    maps::Registration registration = *manifest.registration;
+    registration.previous_digest = described.registered_to.value_or(registration.previous_digest);
+    json["registration"] = to_json(registration);
+  }
   json["voxel_size_m"] = manifest.voxel_size_m;
   json["relative_clock"] = manifest.relative_clock;
   json["counts"] = manifest.counts;

@@ -21,6 +21,8 @@ struct DescribedVersion {
   std::shared_ptr<const VersionFacts> facts{};
   /// `frame_name`; empty without facts.
   std::string frame{};
+  /// Digest of the version whose frame it is in, as that one goes now.
+  std::optional<std::string> registered_to{};
   /// "stored" when it is not open, else a state of the catalogue.
   std::string state{};
   /// Why it failed; else empty.

@@ -20,6 +20,10 @@ Json key_of(const ApiKey& key) {
           {"maps", key.maps.empty() ? Json() : Json(key.maps)}};
 }
 
+Json package_of(const PackageOfVersions& package) {
+  return {{"digest", package.digest}, {"versions", package.versions}, {"bytes", package.bytes}};
+}
+
 }  // namespace
 
 std::string problems_json(const std::vector<StoreProblem>& problems) {
@@ -54,6 +58,27 @@ std::string made_anew_json(const std::vector<MadeAnew>& all) {
   return to_text({{"indexes", list}}, kIndent);
 }
 
+std::string migration_plan_json(const MigrationPlan& plan, std::uint64_t free_bytes) {
+  Json list = Json::array();
+  for (const PackageOfVersions& package : plan.packages) list.push_back(package_of(package));
+  return to_text({{"packages", list}, {"room_bytes", plan.room_bytes}, {"free_bytes", free_bytes}},
+                 kIndent);
+}
+
+std::string migration_json(const Migration& migration) {
+  Json migrated = Json::array();
+  for (const MigratedPackage& each : migration.migrated)
+    migrated.push_back(
+        {{"former", package_of(each.former)}, {"digest", each.digest}, {"bytes", each.bytes}});
+  Json left = Json::array();
+  for (const PackageLeft& each : migration.left) {
+    Json package = package_of(each.package);
+    package["why"] = each.why;
+    left.push_back(std::move(package));
+  }
+  return to_text({{"migrated", migrated}, {"left", left}}, kIndent);
+}
+
 std::string backup_json(const BackedUp& done) {
   return to_text({{"packages", {{"copied", done.copied}, {"kept", done.kept}}}}, kIndent);
 }
@@ -70,6 +95,7 @@ std::string store_list_json(const std::vector<MapWithVersions>& maps, std::uint6
       versions.push_back({{"version", version.name},
                           {"active", version.name == each.map.active},
                           {"digest", version.digest},
+                          {"former_digests", version.former_digests},
                           {"bytes", version.bytes},
                           {"created_ns", time_of(version.created_ns)}});
     list.push_back({{"name", each.map.name},

@@ -2,6 +2,7 @@
 
 #include "store/package_store.hpp"
 #include "store/store_backup.hpp"
+#include "store/store_migration.hpp"
 #include "store/store_upkeep.hpp"
 
 #include <cstddef>
@@ -45,6 +46,9 @@ struct MapWithVersions {
 /// @param package_gone  as of `PackageStore::remove`.
 [[nodiscard]] std::string removed_json(const RemovedVersion& removed, bool package_gone);
 [[nodiscard]] std::string made_anew_json(const std::vector<MadeAnew>& all);
+/// @param free_bytes  of the disk.
+[[nodiscard]] std::string migration_plan_json(const MigrationPlan& plan, std::uint64_t free_bytes);
+[[nodiscard]] std::string migration_json(const Migration& migration);
 [[nodiscard]] std::string backup_json(const BackedUp& done);
 [[nodiscard]] std::string restored_json(std::size_t packages);
 [[nodiscard]] std::string added_json(const std::string& map, const PackageStore::Added& added);

@@ -79,10 +79,11 @@ std::string VersionFactsTable::frame_of(const std::string& map, const std::strin
   const std::vector<StoredVersion> versions = store_.state().versions(map);
   const FactsOf facts = [&](const std::string& each) -> std::shared_ptr<const VersionFacts> {
     const auto found = std::find_if(versions.begin(), versions.end(),
-                                    [&](const auto& version) { return version.digest == each; });
+                                    [digest = store_.state().current_digest(each)](
+                                        const auto& version) { return version.digest == digest; });
     return found == versions.end() ? nullptr : of(map, *found);
   };
-  return frame_name(digest, versions.size(), facts);
+  return store_.state().first_digest(frame_name(digest, versions.size(), facts));
 }
 
 }  // namespace stillmap::server

@@ -55,7 +55,8 @@ class VersionFactsTable {
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion; InputError when its package is broken.
   [[nodiscard]] std::shared_ptr<const VersionFacts> of(const std::string& map,
                                                        const StoredVersion& version) const;
-  /// `frame_name` of a version among those of its map.
+  /// `frame_name` of a version among those of its map. A frame keeps its name when the package that
+  /// it is called by is migrated.
   /// @throws InputError when one of the packages that it goes back to is broken.
   [[nodiscard]] std::string frame_of(const std::string& map, const std::string& digest) const;
 

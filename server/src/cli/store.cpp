@@ -1,8 +1,10 @@
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_levels.hpp>
+#include "store/free_bytes.hpp"
 #include "store/package_store.hpp"
 #include "store/store_backup.hpp"
+#include "store/store_migration.hpp"
 #include "store/store_upkeep.hpp"
 
 #include <fmt/chrono.h>
@@ -21,6 +23,7 @@
 
 #include "bodies/maps_json.hpp"
 #include "bodies/store_json.hpp"
+#include "command_line/progress_bar.hpp"
 #include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
@@ -38,6 +41,7 @@ struct StoreArguments {
   std::optional<std::size_t> keep;
   bool activate = false;
   bool reread = false;
+  bool dry_run = false;
   command_line::JsonOutput json;
 };
 
@@ -173,6 +177,57 @@ void reindex(const StoreArguments& arguments) {
     if (!made.is_whole()) throw command_line::ExitCode{exit_code::kFailed};
 }
 
+std::string text_of(const server::MigrationPlan& plan, std::uint64_t free_bytes) {
+  std::string text;
+  for (const server::PackageOfVersions& package : plan.packages)
+    text += fmt::format("{:.12} of {}: {}\n", package.digest, package.versions,
+                        size_text(package.bytes));
+  if (plan.packages.empty()) return "every package is of schema 2";
+  return text + fmt::format("{} packages of schema 1; {} must be free ({} bytes), {} are",
+                            plan.packages.size(), size_text(plan.room_bytes), plan.room_bytes,
+                            size_text(free_bytes));
+}
+
+std::string text_of(const server::Migration& migration) {
+  std::string text;
+  for (const server::MigratedPackage& each : migration.migrated)
+    text += fmt::format("{:.12} of {} is {:.12} now: {}, was {}\n", each.former.digest,
+                        each.former.versions, each.digest, size_text(each.bytes),
+                        size_text(each.former.bytes));
+  for (const server::PackageLeft& each : migration.left)
+    text += fmt::format("{:.12} of {} stays as it was: {}\n", each.package.digest,
+                        each.package.versions, each.why);
+  return text + fmt::format("{} packages migrated, {} left", migration.migrated.size(),
+                            migration.left.size());
+}
+
+void migrate(const StoreArguments& arguments) {
+  require_store(arguments.store);
+  PackageStore store(arguments.store);
+  const server::MigrationPlan plan = server::plan_migration(store);
+  if (arguments.dry_run) {
+    const std::uint64_t free = server::free_bytes(arguments.store);
+    return print(arguments.json, server::migration_plan_json(plan, free), text_of(plan, free));
+  }
+  command_line::cancel_on_signals();
+  command_line::say_when_cancelled(
+      {.kept = arguments.store,
+       .if_kept = "packages that are migrated stay so; the same command goes on with the rest"});
+  server::Migration migration;
+  {
+    constexpr std::uint64_t kMegabyte = 1'000'000;
+    command_line::ProgressBar bar;
+    migration = server::migrate_store(
+        store, plan,
+        [&](std::uint64_t done, std::uint64_t total, const server::PackageOfVersions& package) {
+          bar.update("migrate", done / kMegabyte, total / kMegabyte, "MB, " + package.versions);
+          return !command_line::cancel_flag();
+        });
+  }
+  print(arguments.json, server::migration_json(migration), text_of(migration));
+  if (!migration.left.empty()) throw command_line::ExitCode{exit_code::kFailed};
+}
+
 void backup(const StoreArguments& arguments) {
   require_store(arguments.store);
   const PackageStore store(arguments.store);
@@ -272,6 +327,14 @@ void add_upkeep(CLI::App& group, const Arguments& arguments) {
   add_command(
       group, arguments,
       {"reindex", "Make localization index and levels of detail of all versions again", reindex});
+  add_command(
+      group, arguments,
+      {"migrate",
+       "Turn packages of schema 1 into schema 2, which takes half the room; stop the server "
+       "first",
+       migrate})
+      ->add_flag("--dry-run", arguments->dry_run,
+                 "Only say what there is to do, and how many bytes must be free");
   CLI::App* saves = add_command(
       group, arguments, {"backup", "Back up the store; a server may run on it meanwhile", backup});
   saves

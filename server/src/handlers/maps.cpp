@@ -139,6 +139,8 @@ DescribedVersion describe_version(const Context& context, const std::string& map
   try {
     found.facts = context.catalog.facts().of(map, version);
     found.frame = context.catalog.facts().frame_of(map, version.digest);
+    if (found.facts->registered_to)
+      found.registered_to = context.store.state().current_digest(*found.facts->registered_to);
   } catch (const StoreRefusal&) {
     // Removed just now.
   } catch (const std::exception& error) {

@@ -129,7 +129,9 @@ JobOutcome JobPublisher::activate(const StoredJob& job, const StoredVersion& ver
   const std::string now =
       map.active ? setup_.store.state().version(map.name, *map.active).digest : std::string{};
   const std::int64_t revision = revision_to_change(folder, map);
-  if (map.revision != revision || (!request.new_frame && judged_against != now)) {
+  // It may have been migrated since.
+  const bool is_same = setup_.store.state().current_digest(judged_against) == now;
+  if (map.revision != revision || (!request.new_frame && !is_same)) {
     outcome.not_activated_because.emplace_back("another version became the active one meanwhile");
     return outcome;
   }

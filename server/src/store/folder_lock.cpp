@@ -24,10 +24,11 @@ FolderLock::FolderLock(const std::filesystem::path& file)
   throw maps::StorageError(file.string(), std::strerror(reason));
 }
 
-std::optional<FolderLock> FolderLock::try_folder(const std::filesystem::path& folder) {
+std::optional<FolderLock> FolderLock::try_folder(const std::filesystem::path& folder, Kind kind) {
   const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
   if (descriptor < 0) throw maps::StorageError(folder.string(), std::strerror(errno));
-  if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) return FolderLock(descriptor);
+  const int operation = kind == Kind::kShared ? LOCK_SH : LOCK_EX;
+  if (::flock(descriptor, operation | LOCK_NB) == 0) return FolderLock(descriptor);
   const int reason = errno;
   ::close(descriptor);
   if (reason == EWOULDBLOCK) return std::nullopt;

@@ -1,18 +1,20 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 
 namespace stillmap::server {
 
-/// An exclusive lock on a file or folder, between processes and between threads. It ends with the
-/// process.
+/// A lock on a file or folder, between processes and between threads. It ends with the process.
 class FolderLock {
  public:
-  /// Waits for it. Makes the file when there is none. @throws StorageError.
+  enum class Kind : std::uint8_t { kExclusive, kShared };
+  /// Waits for it, exclusive. Makes the file when there is none. @throws StorageError.
   explicit FolderLock(const std::filesystem::path& file);
-  /// @return nothing when someone else holds it. @throws StorageError.
-  static std::optional<FolderLock> try_folder(const std::filesystem::path& folder);
+  /// @return nothing when someone else holds one that excludes it. @throws StorageError.
+  static std::optional<FolderLock> try_folder(const std::filesystem::path& folder,
+                                              Kind kind = Kind::kExclusive);
   ~FolderLock();
   FolderLock(FolderLock&& other) noexcept;
   FolderLock& operator=(FolderLock&& other) noexcept;

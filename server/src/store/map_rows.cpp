@@ -2,6 +2,9 @@
 
 #include "store/store_refusal.hpp"
 
+#include <algorithm>
+#include <sstream>
+
 namespace stillmap::server {
 namespace {
 
@@ -9,14 +12,21 @@ using Reason = StoreRefusal::Reason;
 
 constexpr const char* kMapColumns =
     "SELECT name, active, previous, revision, created_ns FROM maps ";
-constexpr const char* kVersionColumns = "SELECT name, digest, bytes, created_ns FROM versions ";
+constexpr const char* kVersionColumns =
+    "SELECT name, digest, bytes, created_ns, (SELECT group_concat(former, ' ')"
+    " FROM migrated WHERE migrated.digest = versions.digest) FROM versions ";
 
 StoredMap map_of(const SqliteStatement& row) {
   return {row.text(0), row.optional_text(1), row.optional_text(2), row.integer(3), row.integer(4)};
 }
 
 StoredVersion version_of(const SqliteStatement& row) {
-  return {row.text(0), row.text(1), static_cast<std::uint64_t>(row.integer(2)), row.integer(3)};
+  StoredVersion version{row.text(0), row.text(1), static_cast<std::uint64_t>(row.integer(2)),
+                        row.integer(3)};
+  std::istringstream former(row.optional_text(4).value_or(""));
+  for (std::string digest; former >> digest;) version.former_digests.push_back(digest);
+  std::sort(version.former_digests.begin(), version.former_digests.end());
+  return version;
 }
 
 bool has_package(SqliteDatabase& database, std::string_view map, std::string_view digest) {
@@ -79,6 +89,11 @@ bool is_used(SqliteDatabase& database, std::string_view digest) {
   return SqliteStatement(database, "SELECT 1 FROM versions WHERE digest = ?").bind(digest).step();
 }
 
+std::string current_digest(SqliteDatabase& database, std::string_view digest) {
+  SqliteStatement row(database, "SELECT digest FROM migrated WHERE former = ?");
+  return row.bind(digest).step() ? row.text(0) : std::string(digest);
+}
+
 void condemn_unused(SqliteDatabase& database, std::string_view digest) {
   if (is_used(database, digest)) return;
   SqliteStatement(database, "INSERT OR IGNORE INTO condemned VALUES (?)").bind(digest).step();
@@ -98,10 +113,11 @@ std::uint64_t bytes_of(SqliteDatabase& database, const std::optional<std::string
 
 void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, const Arrival& arrival) {
   const std::string_view map = arrival.map;
-  if (quota.map_bytes && !has_package(database, map, arrival.digest))
+  const std::string digest = current_digest(database, arrival.digest);
+  if (quota.map_bytes && !has_package(database, map, digest))
     refuse_over(quota.map_bytes, bytes_of(database, std::string(map)) + arrival.waiting.of_map,
                 arrival.bytes, "map " + in_quotes(map));
-  if (quota.store_bytes && !is_used(database, arrival.digest))
+  if (quota.store_bytes && !is_used(database, digest))
     refuse_over(quota.store_bytes, bytes_of(database, {}) + arrival.waiting.of_store, arrival.bytes,
                 "the store");
 }

@@ -29,6 +29,8 @@ namespace stillmap::server {
                                           std::string_view name);
 /// Whether any version of any map holds this package.
 [[nodiscard]] bool is_used(SqliteDatabase& database, std::string_view digest);
+/// As `StoreState::current_digest`.
+[[nodiscard]] std::string current_digest(SqliteDatabase& database, std::string_view digest);
 /// Notes it for removal when no version holds it.
 void condemn_unused(SqliteDatabase& database, std::string_view digest);
 

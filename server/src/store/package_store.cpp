@@ -39,6 +39,18 @@ void check_readable(const fs::path& folder) {
   (void)maps::read_map_graph(*package);
 }
 
+/// What a package is as a version, made now.
+StoredVersion version_in(const fs::path& package, std::string_view name) {
+  const fs::path manifest_file = package / maps::kManifestName;
+  const std::string text = maps::read_text(manifest_file);
+  StoredVersion version{.name = std::string(name), .digest = maps::sha256_of(text)};
+  for (const auto& [path, file] : maps::parse_manifest(text, manifest_file.string()).files)
+    version.bytes += file.bytes;
+  version.bytes += text.size();
+  version.created_ns = now_ns();
+  return version;
+}
+
 void refuse_unwanted(const std::optional<PackageStore::Maker>& maker) {
   if (!maker || !maker->is_unwanted || !maker->is_unwanted()) return;
   throw StoreRefusal(
@@ -165,18 +177,12 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
                                       const fs::path& package, const std::optional<Maker>& maker) {
   check_name("map", map);
   check_name("version", version);
-  const fs::path manifest_file = package / maps::kManifestName;
-  const std::string text = maps::read_text(manifest_file);
-  StoredVersion wanted{.name = std::string(version), .digest = maps::sha256_of(text)};
-  for (const auto& [path, file] : maps::parse_manifest(text, manifest_file.string()).files)
-    wanted.bytes += file.bytes;
-  wanted.bytes += text.size();
-  wanted.created_ns = now_ns();
+  StoredVersion wanted = version_in(package, version);
 
   // Before gigabytes are copied.
   state_->check_version(map, wanted, quota());
   const auto known = state_->find_version(map, version);
-  const bool whole = packages_.has_whole(wanted.digest);
+  const bool whole = find_whole(map, wanted);
   if (known && whole && !maker) return {*known, false};
   const DurableFiles files(*calls_);
   std::optional<FolderLock> lock(locked());
@@ -187,7 +193,7 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   const CopiedPackage copied =
       copy_package(package, incoming.path(), files, [&] { refuse_unwanted(maker); });
   if (copied.digest != wanted.digest)
-    throw maps::InputError(manifest_file.string(), "a file that changes",
+    throw maps::InputError((package / maps::kManifestName).string(), "a file that changes",
                            "one that does not: add it when its writer has ended");
   check_readable(incoming.path());
   lock.emplace(locked());
@@ -215,7 +221,7 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   wanted.bytes = package.package.bytes;
   wanted.created_ns = now_ns();
   check_readable(package.folder);
-  const bool whole = packages_.has_whole(wanted.digest);
+  const bool whole = find_whole(map, wanted);
   lock.emplace(locked());
   if (whole && packages_.has(wanted.digest)) return commit(map, wanted);
   return publish(incoming, package.folder, map, wanted);
@@ -260,6 +266,37 @@ PackageStore::Added PackageStore::publish(PackageFolder::Incoming& incoming,
     if (is_first) packages_.remove(version.digest);
     throw;
   }
+}
+
+/// Whether its package lies there whole, by itself or as what it was migrated to, which the version
+/// then has instead.
+bool PackageStore::find_whole(std::string_view map, StoredVersion& version) const {
+  if (packages_.has_whole(version.digest)) return true;
+  const std::string current = state_->current_digest(version.digest);
+  if (current == version.digest) return false;
+  if (packages_.has_whole(current)) {
+    version = version_in(packages_.path_of(current), version.name);
+    return true;
+  }
+  const auto known = state_->find_version(map, version.name);
+  if (!known || known->digest != current) return false;
+  throw maps::InputError(packages_.path_of(current).string(),
+                         "a damaged package, to which this one was migrated",
+                         "a whole one: restore it from a backup, or add this one by another name");
+}
+
+StoredVersion PackageStore::replace(const std::string& former, PackageFolder::Incoming& incoming,
+                                    const fs::path& package) {
+  check_readable(package);
+  StoredVersion converted = version_in(package, {});
+  const FolderLock lock = locked();
+  if (!state_->uses(former)) return converted;
+  if (!packages_.has_whole(converted.digest))
+    incoming.publish(package, packages_.path_of(converted.digest));
+  packages_.sync();
+  state_->replace_package(former, converted.digest, converted.bytes);
+  clear_condemned_if_possible();
+  return converted;
 }
 
 /// Under the lock, with the package in its place.

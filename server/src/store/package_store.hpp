@@ -101,7 +101,8 @@ class PackageStore {
   };
   /// Copies a package into the store, checks it (schema, presence, sizes, checksums, objects,
   /// trajectories) and publishes it under this name. The given folder is only read. A stored copy
-  /// that is whole is kept, one that is damaged is replaced in one step, for all its versions.
+  /// that is whole is kept, one that is damaged is replaced in one step, for all its versions. A
+  /// package that was migrated since is there already, as what it has become.
   /// @throws std::invalid_argument for a name that is not `is_valid_map_name`; InputError naming
   /// what is wrong with the package; StoreRefusal kOtherDigest; kOverQuota, before bytes are
   /// copied; kNotProcessing for a maker that is cancelled or unwanted. Nothing is left then.
@@ -147,12 +148,19 @@ class PackageStore {
   [[nodiscard]] FolderLock locked() const;
   [[nodiscard]] const PackageFolder& packages() const { return packages_; }
   [[nodiscard]] DiskCalls& calls() const { return *calls_; }
+  /// Puts a package in place of the one that it was converted from, for all versions of that one.
+  /// Nothing happens when no version holds it any more. @return digest and bytes of the new one.
+  /// @param package  in `incoming`, synced. @throws InputError when it cannot be read,
+  /// StorageError.
+  StoredVersion replace(const std::string& former, PackageFolder::Incoming& incoming,
+                        const std::filesystem::path& package);
   /// Under the lock: removes packages whose versions are removed and that are still there.
   void clear_condemned();
 
  private:
   void refuse_lost_state() const;
   void open_read_only(const maps::StorageError& reason);
+  [[nodiscard]] bool find_whole(std::string_view map, StoredVersion& version) const;
   Added commit(std::string_view map, const StoredVersion& version,
                std::optional<std::int64_t> job = {});
   Added publish(PackageFolder::Incoming& incoming, const std::filesystem::path& package,

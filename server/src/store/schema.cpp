@@ -15,7 +15,7 @@ constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`.
-constexpr std::array<const char*, 6> kSteps = {
+constexpr std::array<const char*, 7> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -153,6 +153,13 @@ CREATE TRIGGER audit_is_append_only BEFORE UPDATE ON audit WHEN old.sha256 <> ''
     R"(
 ALTER TABLE drives ADD COLUMN needs_choice INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE drives ADD COLUMN inspection TEXT NOT NULL DEFAULT '';
+)",
+    R"(
+CREATE TABLE migrated (
+  former TEXT PRIMARY KEY NOT NULL CHECK (length(former) = 64),
+  digest TEXT NOT NULL CHECK (length(digest) = 64)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX migrated_by_digest ON migrated (digest);
 )",
 };
 

@@ -13,6 +13,7 @@
 #include "store/folder_lock.hpp"
 #include "store/package_copy.hpp"
 #include "store/store_folder.hpp"
+#include "store/store_upkeep.hpp"
 
 namespace stillmap::server {
 namespace {
@@ -62,16 +63,6 @@ std::set<std::string> digests_of(const StoreState& state) {
   for (const StoredMap& map : state.maps())
     for (const StoredVersion& version : state.versions(map.name)) digests.insert(version.digest);
   return digests;
-}
-
-/// "town/1, depot/1": those that hold a package.
-std::string versions_with(const StoreState& state, const std::string& digest) {
-  std::string names;
-  for (const StoredMap& map : state.maps())
-    for (const StoredVersion& version : state.versions(map.name))
-      if (version.digest == digest)
-        names += (names.empty() ? "" : ", ") + map.name + "/" + version.name;
-  return names;
 }
 
 /// The folder of a backup that is being written, locked.

@@ -68,11 +68,15 @@ std::optional<std::string> retired_digest(SqliteDatabase& database, std::string_
   return row.text(0);
 }
 
+bool is_same_package(SqliteDatabase& database, std::string_view one, std::string_view other) {
+  return current_digest(database, one) == current_digest(database, other);
+}
+
 /// Whoever has kept an answer about a version keeps it for ever, so its name means one thing for
 /// ever.
 void refuse_retired(SqliteDatabase& database, std::string_view map, const StoredVersion& version) {
   const std::optional<std::string> digest = retired_digest(database, map, version.name);
-  if (!digest || *digest == version.digest) return;
+  if (!digest || is_same_package(database, *digest, version.digest)) return;
   throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
                                                in_quotes(map) +
                                                " was removed and held another package (" + *digest +
@@ -83,7 +87,7 @@ void refuse_retired(SqliteDatabase& database, std::string_view map, const Stored
 bool refuse_version(SqliteDatabase& database, std::string_view map, const StoredVersion& version,
                     const StoreQuota& quota) {
   if (const auto known = find_version(database, map, version.name)) {
-    if (known->digest == version.digest) return true;
+    if (is_same_package(database, known->digest, version.digest)) return true;
     throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
                                                  in_quotes(map) + " is " + known->digest);
   }
@@ -180,6 +184,18 @@ std::optional<std::string> StoreState::retired(std::string_view map,
 bool StoreState::uses(std::string_view digest) const {
   const Reading reading(inner_->database);
   return is_used(reading.database(), digest);
+}
+
+std::string StoreState::current_digest(std::string_view digest) const {
+  const Reading reading(inner_->database);
+  return server::current_digest(reading.database(), digest);
+}
+
+std::string StoreState::first_digest(const std::string& digest) const {
+  const Reading reading(inner_->database);
+  SqliteStatement row(reading.database(), "SELECT min(former) FROM migrated WHERE digest = ?");
+  row.bind(digest).step();
+  return row.optional_text(0).value_or(digest);
 }
 
 std::uint64_t StoreState::bytes_of_map(std::string_view map) const {
@@ -306,6 +322,29 @@ void StoreState::remove_version(std::string_view map, std::string_view version) 
     condemn_unused(database, gone.digest);
     writing.commit();
   });
+}
+
+void StoreState::replace_package(std::string_view former, std::string_view digest,
+                                 std::uint64_t bytes) {
+  Writing writing(inner_->database);
+  SqliteDatabase& database = writing.database();
+  SqliteStatement(database, "UPDATE versions SET digest = ?, bytes = ? WHERE digest = ?")
+      .bind(digest)
+      .bind(static_cast<std::int64_t>(bytes))
+      .bind(former)
+      .step();
+  // What it went by before that.
+  SqliteStatement(database, "UPDATE migrated SET digest = ? WHERE digest = ?")
+      .bind(digest)
+      .bind(former)
+      .step();
+  SqliteStatement(database, "INSERT OR REPLACE INTO migrated VALUES (?, ?)")
+      .bind(former)
+      .bind(digest)
+      .step();
+  SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
+  condemn_unused(database, former);
+  writing.commit();
 }
 
 void StoreState::even_when_full(const std::function<void()>& change) {

@@ -29,6 +29,8 @@ struct StoredVersion {
   /// Of its files, manifest included.
   std::uint64_t bytes = 0;
   std::int64_t created_ns = 0;
+  /// By which its package went before it was migrated to a newer schema; sorted.
+  std::vector<std::string> former_digests{};
   auto operator<=>(const StoredVersion&) const = default;
 };
 
@@ -87,6 +89,10 @@ class StoreState {
                                                    std::string_view version) const;
   /// Whether any version of any map holds this package.
   [[nodiscard]] bool uses(std::string_view digest) const;
+  /// The digest by which a package goes now: another one after it was migrated.
+  [[nodiscard]] std::string current_digest(std::string_view digest) const;
+  /// The digest by which it went at first; of several the lowest.
+  [[nodiscard]] std::string first_digest(const std::string& digest) const;
 
   /// Makes a map without versions. @return false when it is there already.
   /// @throws std::invalid_argument for a name that is not `is_valid_map_name`.
@@ -108,7 +114,7 @@ class StoreState {
   void check_version(std::string_view map, const StoredVersion& version,
                      const StoreQuota& quota) const;
   /// Makes the map with it when it is new. The name of a removed version is good for the same
-  /// package only.
+  /// package only. A package is the same before and after its migration.
   /// @param job  made it: from then on it cannot be cancelled.
   /// @return false when the same is there already. @throws StoreRefusal kOtherDigest, kOverQuota,
   /// kNotProcessing when the job is cancelled.
@@ -135,6 +141,10 @@ class StoreState {
   void keep_ballast() const;
   /// Why no change is possible; empty when changes are.
   [[nodiscard]] std::string not_writable_because() const;
+
+  /// Gives all versions of a package the one that it was migrated to, and keeps the former digest
+  /// as a name of it. The former package is noted as `condemned`.
+  void replace_package(std::string_view former, std::string_view digest, std::uint64_t bytes);
 
   /// Packages whose last version was removed, and which may lie on the disk still.
   [[nodiscard]] std::vector<std::string> condemned() const;

@@ -23,6 +23,15 @@ std::vector<StoreProblem> verify_store(const PackageStore& store) {
   return problems;
 }
 
+std::string versions_with(const StoreState& state, const std::string& digest) {
+  std::string names;
+  for (const StoredMap& map : state.maps())
+    for (const StoredVersion& version : state.versions(map.name))
+      if (version.digest == digest)
+        names += (names.empty() ? "" : ", ") + map.name + "/" + version.name;
+  return names;
+}
+
 ClearedPackages clear_unused(PackageStore& store) {
   const FolderLock lock = store.locked();
   ClearedPackages cleared;

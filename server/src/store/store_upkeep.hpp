@@ -18,6 +18,9 @@ struct StoreProblem {
 /// Recomputes all checksums and checks the state. Slow: reads everything.
 [[nodiscard]] std::vector<StoreProblem> verify_store(const PackageStore& store);
 
+/// "town/1, depot/1": those that hold a package.
+[[nodiscard]] std::string versions_with(const StoreState& state, const std::string& digest);
+
 struct ClearedPackages {
   /// Packages that no version names, by digest.
   std::vector<std::string> packages;

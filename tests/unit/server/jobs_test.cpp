@@ -17,6 +17,7 @@
 #include "job_fixture.hpp"
 #include "jobs/housekeeping.hpp"
 #include "jobs/job_log.hpp"
+#include "store/store_migration.hpp"
 #include "support/disk_calls.hpp"
 
 namespace stillmap::server {
@@ -249,6 +250,23 @@ TEST_F(Jobs, ActivatesOnceHoweverOftenItPublishes) {
   EXPECT_THAT(end["result"]["not_activated_because"][0].get<std::string>(),
               HasSubstr("another version"));
   EXPECT_EQ(store_.open().state().map("town").active, store_.version());
+}
+
+/// Its package is registered to the active version by the digest that this one had.
+TEST_F(Jobs, IsActivatedThoughTheActiveVersionWasMigratedMeanwhile) {
+  std::filesystem::remove_all(scripts_.path() / "package");
+  test::write_package(scripts_.path() / "package", 7, 100,
+                      maps::Registration{.previous_digest = store_.digest()});
+  start_with("say 0.1 waiting; while [ ! -e $0.go ]; do sleep 0.05; done; publish");
+  const std::string job = rebuild(R"({"drives": [1], "activate": true, "version": "v2"})");
+  wait_for_stage(job, "waiting");
+  service_.reset();
+  EXPECT_EQ(migrate_store(store_.open(), plan_migration(store_.open())).migrated.size(), 1U);
+  std::ofstream(mapper_.string() + ".go") << "x";
+  start();
+  const nlohmann::json end = wait_for_end(job);
+  EXPECT_EQ(end["result"]["activated"], true) << end;
+  EXPECT_EQ(store_.open().state().map("town").active, "v2");
 }
 
 TEST_F(Jobs, OneThatDoesNotListenIsKilledTwoSecondsAfterACancel) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "service_fixture.hpp"
+#include "store/store_migration.hpp"
 #include "support/stored_packages.hpp"
 
 namespace stillmap::server {
@@ -130,6 +131,26 @@ TEST_F(VersionList, TellsHowEachWasMade) {
   // Looking at it opens it.
   EXPECT_EQ(get("/v1/maps/town/versions/v2").status, 200);
   EXPECT_EQ(body(get("/v1/maps/town/versions"))["versions"][1]["state"], "opened");
+}
+
+TEST_F(VersionList, TellsFormerDigestsOfAMigratedPackage) {
+  PackageStore& store = store_.open();
+  test::write_package(folder_.path() / "package", 1, 100,
+                      maps::Registration{.previous_digest = store_.digest()});
+  store.add("town", "v2", folder_.path() / "package");
+  migrate_store(store, plan_migration(store));
+  start();
+  const nlohmann::json versions = body(get("/v1/maps/town/versions"))["versions"];
+  ASSERT_EQ(versions.size(), 2U);
+  EXPECT_EQ(versions[0]["former_digests"], nlohmann::json{store_.digest()});
+  EXPECT_NE(versions[0]["digest"], store_.digest());
+  EXPECT_EQ(versions[1]["registered_to"], versions[0]["digest"]);
+  EXPECT_EQ(versions[1]["frame"], versions[0]["frame"]);
+  const nlohmann::json town = body(get("/v1/maps/town"));
+  EXPECT_EQ(town["digest"], versions[0]["digest"]);
+  EXPECT_EQ(town["former_digests"], versions[0]["former_digests"]);
+  EXPECT_EQ(body(get("/v1/maps/town/versions/v2"))["registration"]["previous_digest"],
+            versions[0]["digest"]);
 }
 
 TEST_F(VersionList, SaysWhichCannotBeReadAndListsTheOthers) {

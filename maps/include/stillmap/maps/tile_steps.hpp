@@ -27,4 +27,9 @@ inline constexpr double kTileStepZM = 1.0 / 2048.0;
 /// A point -> the middle of its steps: x, y from the tile's corner, z from a whole metre [m].
 [[nodiscard]] Eigen::Vector3f in_steps(const Eigen::Vector3d& p_tile);
 
+/// The same of a point in a voxel, which it does not leave: where the middle of its step lies
+/// outside, the next step. @param begin  lower corner of the voxel, as `p_tile` [m].
+[[nodiscard]] Eigen::Vector3f in_steps_of_voxel(const Eigen::Vector3d& p_tile,
+                                                const Eigen::Vector3d& begin, double voxel_size_m);
+
 }  // namespace stillmap::maps

@@ -1,0 +1,242 @@
+#include <stillmap/maps/convert_package.hpp>
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/package_files.hpp>
+#include <stillmap/maps/text.hpp>
+#include <stillmap/maps/tile_steps.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <system_error>
+#include <vector>
+
+#include "package/tile_packs.hpp"
+
+namespace stillmap::maps {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Each pass goes over the bytes of the package once.
+class PassProgress {
+ public:
+  PassProgress(const DerivedWork& work, const MapManifest& manifest) : work_(work) {
+    for (const auto& [path, file] : manifest.files) bytes_ += file.bytes;
+  }
+
+  void begin(int pass) {
+    pass_ = pass;
+    done_ = 0;
+  }
+  /// @throws WorkStopped.
+  void add(std::uint64_t bytes) {
+    done_ += bytes;
+    const double share = static_cast<double>(done_) / static_cast<double>(bytes_ + 1);
+    if (work_.go_on && !work_.go_on((pass_ + share) / kPasses)) throw WorkStopped();
+  }
+
+ private:
+  static constexpr int kPasses = 3;
+  const DerivedWork& work_;
+  std::uint64_t bytes_ = 0;
+  std::uint64_t done_ = 0;
+  int pass_ = 0;
+};
+
+void require_whole_files(const MapPackage& map, PassProgress& progress) {
+  for (const auto& [path, listed] : map.manifest().files) {
+    const fs::path file = map.folder() / path;
+    std::string found;
+    try {
+      found = "SHA-256 " + sha256_of_file(file);
+    } catch (const StorageError& error) {
+      found = error.what();
+    }
+    if (found != "SHA-256 " + listed.sha256)
+      throw InputError(file.string(), found,
+                       listed.sha256 + " as in manifest.json: restore it from a backup");
+    progress.add(listed.bytes);
+  }
+}
+
+/// Where a tile begins, from the map's origin [m].
+Eigen::Vector3d corner_of_tile(TileId id) { return {kTileSizeM * id.x, kTileSizeM * id.y, 0.0}; }
+
+/// @param voxel_size_m  0: there are no voxels.
+MapTile tile_in_steps(const MapTile& tile, TileId id, const Eigen::Vector3d& origin,
+                      double voxel_size_m) {
+  const Eigen::Vector3d corner = corner_of_tile(id);
+  std::vector<MapPoint> points;
+  points.reserve(tile.size());
+  for (const MapPoint& point : tile) {
+    const Eigen::Vector3d p_tile = tile.from_origin(point) - corner;
+    const Eigen::Vector3d begin = (p_tile / voxel_size_m).array().floor() * voxel_size_m;
+    const Eigen::Vector3f p =
+        voxel_size_m > 0.0 ? in_steps_of_voxel(p_tile, begin, voxel_size_m) : in_steps(p_tile);
+    points.push_back(moved_to(point, p.cast<double>()));
+  }
+  return {origin, corner, std::move(points)};
+}
+
+std::uint64_t listed_bytes(const MapManifest& manifest, TileId id) {
+  std::uint64_t bytes = 0;
+  for (const std::string& path : {tile_path(id), history_path(id)})
+    if (const auto file = manifest.files.find(path); file != manifest.files.end())
+      bytes += file->second.bytes;
+  return bytes;
+}
+
+void write_tiles(const MapPackage& map, MapPackageWriter& writer, PassProgress& progress) {
+  const MapManifest& manifest = map.manifest();
+  std::vector<std::uint32_t> drive_scans;
+  for (const Trajectory& drive : map.trajectories())
+    drive_scans.push_back(static_cast<std::uint32_t>(drive.size()));
+  writer.set_drives(std::move(drive_scans));
+  for (const TileEntry& entry : manifest.tiles) {
+    if (entry.id.level != 0) continue;
+    try {
+      writer.add_tile(
+          entry.id,
+          tile_in_steps(map.tile(entry.id), entry.id, manifest.origin, manifest.voxel_size_m),
+          map.history(entry.id));
+    } catch (const std::invalid_argument& refused) {
+      throw InputError((map.folder() / tile_path(entry.id)).string(), refused.what(),
+                       "what a package of schema 2 can hold");
+    }
+    progress.add(listed_bytes(manifest, entry.id));
+  }
+}
+
+std::set<std::string> paths_of_tiles(const MapManifest& manifest) {
+  std::set<std::string> paths;
+  for (const TileEntry& entry : manifest.tiles) {
+    paths.insert(tile_path(entry.id));
+    paths.insert(history_path(entry.id));
+  }
+  return paths;
+}
+
+void copy_other_files(const MapPackage& map, const fs::path& folder, PassProgress& progress) {
+  const std::set<std::string> of_tiles = paths_of_tiles(map.manifest());
+  for (const auto& [path, listed] : map.manifest().files) {
+    if (of_tiles.contains(path)) continue;
+    std::error_code error;
+    fs::create_directories((folder / path).parent_path(), error);
+    if (!fs::copy_file(map.folder() / path, folder / path, error) || error)
+      throw StorageError((folder / path).string(), error.message());
+    progress.add(listed.bytes);
+  }
+}
+
+/// What differs between a point of the package and the same in steps; empty when nothing does.
+std::string difference(const MapPoint& before, const MapPoint& after,
+                       const Eigen::Vector3d& moved_m) {
+  constexpr double kRounding = 1e-9;
+  const Eigen::Array3d most(kTileStepM, kTileStepM, kTileStepZM);
+  if (!(moved_m.array().abs() <= most + kRounding).all())
+    return fmt::format("a point {:.3f} {:.3f} {:.3f} m from its place in steps", moved_m.x(),
+                       moved_m.y(), moved_m.z());
+  const bool same = before.observations == after.observations && before.kind == after.kind &&
+                    before.object == after.object &&
+                    in_intensity_steps(before.intensity) == after.intensity;
+  return same ? "" : "a point that reads back otherwise";
+}
+
+bool same_history(const PointHistory& a, const PointHistory& b) {
+  return a.first_scan == b.first_scan && a.last_scan == b.last_scan && a.object == b.object &&
+         std::equal(a.normal, a.normal + 3, b.normal) && a.planarity == b.planarity;
+}
+
+void require_same_tile(const MapPackage& before, const MapPackage& after, TileId id) {
+  const auto refuse = [&](const std::string& what) {
+    throw InputError((before.folder() / tile_path(id)).string(), what,
+                     "points that schema 2 can hold");
+  };
+  const MapTile from = before.tile(id), to = after.tile(id);
+  if (from.size() != to.size()) refuse(fmt::format("{} points, now {}", from.size(), to.size()));
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const std::string what =
+        difference(from[i], to[i], to.from_origin(to[i]) - from.from_origin(from[i]));
+    if (!what.empty()) refuse(what);
+  }
+  const std::vector<PointHistory> was = before.history(id), is = after.history(id);
+  if (!std::equal(was.begin(), was.end(), is.begin(), is.end(), same_history))
+    refuse("a history that reads back otherwise");
+}
+
+/// The package that is replaced may be removed after this.
+void require_same(const MapPackage& before, const MapPackage& after, PassProgress& progress) {
+  for (const TileEntry& entry : before.manifest().tiles) {
+    if (entry.id.level != 0) continue;
+    require_same_tile(before, after, entry.id);
+    progress.add(listed_bytes(before.manifest(), entry.id));
+  }
+  for (const auto& [path, file] : after.manifest().files) {
+    const auto listed = before.manifest().files.find(path);
+    if (listed != before.manifest().files.end() && listed->second.sha256 != file.sha256)
+      throw StorageError((after.folder() / path).string(), "copied to other bytes");
+  }
+}
+
+std::string build_text(const fs::path& folder) {
+  const fs::path file = folder / kBuildName;
+  return fs::exists(file) ? read_text(file) : "{}\n";
+}
+
+}  // namespace
+
+std::string convert_package(const MapPackage& map, const fs::path& target,
+                            const DerivedWork& work) {
+  if (map.manifest().schema != 1)
+    throw std::invalid_argument(map.folder().string() + ": of schema " +
+                                std::to_string(map.manifest().schema) + ", 1 expected");
+  PassProgress progress(work, map.manifest());
+  require_whole_files(map, progress);
+  std::string digest;
+  {
+    MapPackageWriter writer(target, {}, kPackageSchema);
+    progress.begin(1);
+    write_tiles(map, writer, progress);
+    copy_other_files(map, writer.folder(), progress);
+    digest = writer.publish(map.manifest(), build_text(map.folder()));
+  }
+  progress.begin(2);
+  try {
+    require_same(map, *MapPackage::open(target), progress);
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(target, ignored);
+    throw;
+  }
+  return digest;
+}
+
+ConversionRoom conversion_room(const MapManifest& manifest) {
+  constexpr std::uint64_t kMostOfPoint = 20, kMostWithHistory = 32;
+  // Head and gaps of a tile, its row in the region's node.
+  constexpr std::uint64_t kMostOfTile = 400;
+  ConversionRoom room;
+  std::map<RegionId, std::uint64_t> packs;
+  for (const TileEntry& entry : manifest.tiles) {
+    if (entry.id.level != 0) continue;
+    const bool has_history = manifest.files.contains(history_path(entry.id));
+    const std::uint64_t bytes =
+        (has_history ? kMostWithHistory : kMostOfPoint) * entry.points + kMostOfTile;
+    room.package_bytes += bytes;
+    // A region's pack is written twice, once in the order of its tiles.
+    std::uint64_t& pack = packs[region_of(entry.id)];
+    pack += bytes;
+    room.beside_bytes = std::max(room.beside_bytes, pack);
+  }
+  const std::set<std::string> of_tiles = paths_of_tiles(manifest);
+  for (const auto& [path, file] : manifest.files)
+    if (!of_tiles.contains(path)) room.package_bytes += file.bytes;
+  return room;
+}
+
+}  // namespace stillmap::maps
