@@ -112,7 +112,7 @@ class CellBlocks {
     });
   }
 
-  /// Calls `visit(cell, voxel, tile)` for the voxels of the tiles that touch the cells from `low`
+  /// Calls `visit(cell, voxel, tile)` for the voxels of the blocks that touch the cells from `low`
   /// to `high`, both included, on the ground: more than asked for.
   template <typename Visit>
   void for_each_near(const Eigen::Array2i& low, const Eigen::Array2i& high,
@@ -127,8 +127,9 @@ class CellBlocks {
         const std::uint32_t at =
             static_cast<std::uint32_t>(x) * tiles_y_ + static_cast<std::uint32_t>(y);
         if (tile_at_[at] == kNone) continue;
-        visit_tile(tiles_[tile_at_[at]],
-                   {(x + first_x_) << tile_shift_, (y + first_y_) << tile_shift_}, visit);
+        const Eigen::Array2i first_cell((x + first_x_) << tile_shift_, (y + first_y_)
+                                                                           << tile_shift_);
+        visit_tile(tiles_[tile_at_[at]], first_cell, low, high, visit);
       }
     }
   }
@@ -231,6 +232,7 @@ class CellBlocks {
   }
   template <typename Visit>
   static void visit_tile(const TileView& tile, const Eigen::Array2i& first_cell,
+                         const Eigen::Array2i& low, const Eigen::Array2i& high,
                          const Visit& visit) {
     for (std::uint32_t slot = 0; slot <= tile.last_slot; ++slot) {
       const Slot& block = tile.slots[slot];
@@ -238,6 +240,9 @@ class CellBlocks {
           first_cell.x() + static_cast<std::int32_t>(block.key >> 24 & 31U) * 4,
           first_cell.y() + static_cast<std::int32_t>(block.key >> 19 & 31U) * 4,
           tile.first_z + static_cast<std::int32_t>(block.key & (kBlocksOfHeight - 1)) * 4);
+      if (corner.x() > high.x() || corner.x() + 3 < low.x() || corner.y() > high.y() ||
+          corner.y() + 3 < low.y())
+        continue;
       for (std::uint64_t left = block.mask; left != 0; left &= left - 1) {
         const Voxel* voxel = voxel_of_bit(tile, block, left & (0 - left));
         const int bit = std::countr_zero(left);

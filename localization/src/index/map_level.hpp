@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 
@@ -60,10 +62,11 @@ inline Eigen::Array3i MapIndex::Level::first_of_eight(const Eigen::Vector3f& p) 
   const float z = p.z() * inverse - 0.5F;
   const auto near = [](float at) { return at > -kReachCells && at < kReachCells; };
   if (!near(x) || !near(y) || !near(z)) return Eigen::Array3i::Constant(-4 * kReach);
-  // A cast rounds towards zero; std::floor would be a call.
+  // A cast rounds towards zero, so one less below it; std::floor would be a call. Of a whole number
+  // below zero it is the cell before, which is as near.
   const auto rounded_down = [](float at) {
-    const auto towards_zero = static_cast<std::int32_t>(at);
-    return towards_zero - (static_cast<float>(towards_zero) > at ? 1 : 0);
+    return static_cast<std::int32_t>(at) -
+           static_cast<std::int32_t>(std::bit_cast<std::uint32_t>(at) >> 31);
   };
   return {rounded_down(x), rounded_down(y), rounded_down(z)};
 }
@@ -71,17 +74,23 @@ inline Eigen::Array3i MapIndex::Level::first_of_eight(const Eigen::Vector3f& p) 
 inline MapIndex::Level::Nearest MapIndex::Level::nearest_of(const CellBlocks::Eight& eight,
                                                             const Eigen::Vector3f& p,
                                                             float floor_m2) {
-  Nearest best{nullptr, std::numeric_limits<float>::infinity()};
-  const CellBlocks::TileView* best_tile = nullptr;
+  float least2 = std::numeric_limits<float>::infinity();
+  if (eight.count == 0) return {nullptr, least2};
+  // Nearly always all eight lie in one.
+  const CellBlocks::TileView* const tile = eight.tiles[0];
+  const Eigen::Vector3f from_corner = p - tile->corner;
+  std::size_t best = eight.count;
   for (std::size_t k = 0; k < eight.count; ++k) {
-    const float distance2 = mahalanobis2(*eight.voxels[k], p - eight.tiles[k]->corner, floor_m2);
-    if (!(distance2 < best.distance2)) continue;
-    best.voxel = eight.voxels[k];
-    best.distance2 = distance2;
-    best_tile = eight.tiles[k];
+    const float distance2 =
+        eight.tiles[k] == tile
+            ? mahalanobis2(*eight.voxels[k], from_corner, floor_m2)
+            : mahalanobis2(*eight.voxels[k], p - eight.tiles[k]->corner, floor_m2);
+    if (!(distance2 < least2)) continue;
+    least2 = distance2;
+    best = k;
   }
-  if (best_tile != nullptr) best.mean = best.voxel->mean + best_tile->corner;
-  return best;
+  if (best == eight.count) return {nullptr, least2};
+  return {eight.voxels[best], least2, eight.voxels[best]->mean + eight.tiles[best]->corner};
 }
 
 inline MapIndex::Level::Nearest MapIndex::Level::nearest(const Eigen::Vector3f& p,

@@ -9,11 +9,14 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/region.hpp>
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <utility>
 
 namespace stillmap::mapping {
@@ -186,6 +189,30 @@ class TileWork {
   std::vector<std::uint32_t> numbers_;
 };
 
+/// The tiles of a region: they can be finished knowing those that touch them, and no others.
+struct RegionTiles {
+  std::vector<maps::TileId> own;
+  /// These and those that touch them, in order.
+  std::vector<maps::TileId> with_rim;
+};
+
+/// By x, then y of the region. @param ids  in order.
+std::vector<RegionTiles> regions_of(const std::vector<maps::TileId>& ids) {
+  std::map<maps::RegionId, RegionTiles> regions;
+  for (const maps::TileId id : ids) regions[maps::region_of(id)].own.push_back(id);
+  for (const maps::TileId id : ids) {
+    std::set<maps::RegionId> touched;
+    for (int step = 0; step < 9; ++step)
+      touched.insert(maps::region_of({id.level, id.x + step % 3 - 1, id.y + step / 3 - 1}));
+    for (const maps::RegionId region : touched)
+      if (const auto found = regions.find(region); found != regions.end())
+        found->second.with_rim.push_back(id);
+  }
+  std::vector<RegionTiles> in_order;
+  for (auto& [region, tiles] : regions) in_order.push_back(std::move(tiles));
+  return in_order;
+}
+
 /// Of whole tiles, since what is in them is not known before.
 TopView empty_picture(const std::vector<maps::TileId>& tiles) {
   Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
@@ -214,7 +241,6 @@ void finish_tiles(Build& build) {
     whole = moved_in_whole(build, *task.cleaner);
   }
   const TileWork work(build);
-  TileWindow window(build.placed->stack, *build.grid);
   TopView preview = empty_picture(ids);
   ConsistencySum consistency;
   std::size_t done = 0;
@@ -233,18 +259,22 @@ void finish_tiles(Build& build) {
     if (!tile.empty()) task.writer.add_tile(finished.tile.id, tile, finished.tile.history);
     build.tell("tiles", ++done, ids.size());
   };
-  for (auto begin = ids.begin(); begin != ids.end();) {
-    const std::int32_t x = begin->x;
-    const auto end = std::find_if(begin, ids.end(), [x](const auto& id) { return id.x != x; });
-    window.move_to(x, task.options.threads);
-    process_in_order(
-        static_cast<std::size_t>(end - begin), task.options.threads,
-        [&](std::size_t i) {
-          const maps::TileId id = begin[static_cast<std::ptrdiff_t>(i)];
-          return work.finish(id, window, task.cleaner != nullptr ? &whole.at(id) : nullptr);
-        },
-        take, task.cancel);
-    begin = end;
+  for (const RegionTiles& region : regions_of(ids)) {
+    TileWindow window(build.placed->stack, *build.grid, region.with_rim);
+    for (auto begin = region.own.begin(); begin != region.own.end();) {
+      const std::int32_t x = begin->x;
+      const auto end =
+          std::find_if(begin, region.own.end(), [x](const auto& id) { return id.x != x; });
+      window.move_to(x, task.options.threads);
+      process_in_order(
+          static_cast<std::size_t>(end - begin), task.options.threads,
+          [&](std::size_t i) {
+            const maps::TileId id = begin[static_cast<std::ptrdiff_t>(i)];
+            return work.finish(id, window, task.cleaner != nullptr ? &whole.at(id) : nullptr);
+          },
+          take, task.cancel);
+      begin = end;
+    }
   }
   preview.write_png(task.writer.folder() / "preview.png");
   result.consistency = consistency.result();

@@ -105,25 +105,36 @@ std::uint64_t delete_flagged(const std::vector<std::uint8_t>& flags, ProjectionR
   return count;
 }
 
-/// Scans that the ground stage adapts to.
+/// Ordinals of the scans of each drive that has some: the first, and one behind the last.
+std::vector<std::pair<std::size_t, std::size_t>> ranges_of_drives(const DriveSet& drives) {
+  std::vector<std::pair<std::size_t, std::size_t>> ranges;
+  for (std::size_t begin = 0; begin < drives.size(); begin = ranges.back().second) {
+    std::size_t end = begin;
+    while (end < drives.size() && drives.place(end).drive == drives.place(begin).drive) ++end;
+    ranges.emplace_back(begin, end);
+  }
+  return ranges;
+}
+
+/// Scans that the ground stage adapts to. Each drive's own alone: what is found in a drive then
+/// depends on no other one.
 std::vector<std::size_t> ground_samples(const DriveSet& drives) {
-  const std::size_t count = std::min(kLearnedScans, drives.size());
   std::vector<std::size_t> scans;
-  for (std::size_t i = 0; i < count; ++i) scans.push_back(i * drives.size() / count);
+  for (const auto& [begin, end] : ranges_of_drives(drives)) {
+    const std::size_t count = std::min(kLearnedScans, end - begin);
+    for (std::size_t i = 0; i < count; ++i) scans.push_back(begin + i * (end - begin) / count);
+  }
   return scans;
 }
 
 /// Scans that are compared to find what travels with the sensor, and an earlier one of each.
 std::vector<std::pair<std::size_t, std::size_t>> vehicle_samples(const DriveSet& drives) {
   std::vector<std::pair<std::size_t, std::size_t>> all;
-  for (std::size_t begin = 0; begin < drives.size();) {
+  for (const auto& [begin, end] : ranges_of_drives(drives)) {
     std::vector<Eigen::Isometry3d> T_map_scan;
-    for (std::size_t i = begin;
-         i < drives.size() && drives.place(i).drive == drives.place(begin).drive; ++i)
-      T_map_scan.push_back(drives.T_map_scan(i));
+    for (std::size_t i = begin; i < end; ++i) T_map_scan.push_back(drives.T_map_scan(i));
     for (const auto& [scan, before] : OwnVehicle::choose_samples(T_map_scan))
       all.emplace_back(begin + scan, begin + before);
-    begin += T_map_scan.size();
   }
   return all;
 }
@@ -170,13 +181,13 @@ ScanWork::ScanWork(const DriveSet& drives, const MapBuildOptions& options, const
     : drives_(drives),
       options_(options),
       grid_(grid),
-      ground_(make_ground_segmenter(options.ground)),
       boxes_are_given_(!boxes_files(options.detector).empty()) {
   for (std::size_t i = 0; i < drives.drives().size(); ++i) {
     const maps::Drive& drive = drives.drives()[i];
     const std::string detector = detector_of_drive(options.detector, i, drives.drives().size());
     if (boxes_are_given_) drive.require_own_numbers(detector);
     detectors_.push_back(make_detector(detector, drive.size()));
+    grounds_.push_back(make_ground_segmenter(options.ground));
   }
 }
 
@@ -199,7 +210,7 @@ void ScanWork::learn(const CancelFlag& cancel) {
     if (cancel) throw Cancelled();
     maps::Scan scan = drives_.read(ordinal, unused);
     take_out_weather(scan);
-    if (!scan.cloud.empty()) ground_->learn(scan.cloud);
+    if (!scan.cloud.empty()) grounds_[drives_.place(ordinal).drive]->learn(scan.cloud);
   }
   std::vector<std::vector<OwnVehicle::Sample>> samples(drives_.drives().size());
   for (const auto& [number, before] : vehicle_samples(drives_)) {
@@ -208,16 +219,21 @@ void ScanWork::learn(const CancelFlag& cancel) {
       continue;
     maps::Scan scan = drives_.read(number, unused), earlier = drives_.read(before, unused);
     for (maps::Scan* each : {&scan, &earlier}) take_out_weather(*each);
-    const std::vector<std::uint8_t> is_ground = ground_->segment(scan.cloud).is_ground;
+    const GroundSegmenter& ground = ground_of(number);
+    const std::vector<std::uint8_t> is_ground = ground.segment(scan.cloud).is_ground;
     std::vector<Eigen::Vector3f> standing;
     for (std::size_t i = 0; i < is_ground.size(); ++i) {
       if (is_ground[i] == 0) standing.push_back(scan.cloud.positions[i]);
     }
     samples[drives_.place(number).drive].push_back(
-        {std::move(standing), RangeView(earlier.cloud, ground_->segment(earlier.cloud).is_ground),
+        {std::move(standing), RangeView(earlier.cloud, ground.segment(earlier.cloud).is_ground),
          drives_.T_map_scan(before).inverse() * drives_.T_map_scan(number)});
   }
   for (const auto& each : samples) vehicles_.emplace_back(each);
+}
+
+const GroundSegmenter& ScanWork::ground_of(std::size_t scan) const {
+  return *grounds_[drives_.place(scan).drive];
 }
 
 maps::Scan ScanWork::read(std::size_t scan, Counts& counts, StageSeconds& seconds) const {
@@ -255,7 +271,7 @@ SurveyedScan ScanWork::survey(std::size_t number) const {
   GroundResult ground;
   {
     const StageTimer timer(out.stage_seconds, "ground");
-    ground = ground_->segment(scan.cloud);
+    ground = ground_of(number).segment(scan.cloud);
     out.is_ground = spread(ground.is_ground, unseen);
   }
   if (!scan.cloud.empty() && options_.detects()) {
@@ -306,7 +322,7 @@ PlacedScan ScanWork::place(const ScanToPlace& asked, const FusedGround* fused,
   GroundResult local;
   if (fused == nullptr) {
     const StageTimer timer(out.stage_seconds, "ground");
-    local = ground_->segment(scan.cloud);
+    local = ground_of(number).segment(scan.cloud);
   }
   ProjectionResult projection;
   {

@@ -93,8 +93,8 @@ class ScanWork {
 
   /// Ordinals of the scans that `learn` reads.
   [[nodiscard]] static std::vector<std::size_t> scans_to_learn_from(const DriveSet& drives);
-  /// Adapts the ground stage to some scans of all drives, and finds what each drive's vehicle
-  /// carries or tows.
+  /// Adapts the ground stage to each drive by some of its scans, and finds what its vehicle carries
+  /// or tows.
   void learn(const CancelFlag& cancel);
 
   /// Of the map.
@@ -114,15 +114,16 @@ class ScanWork {
   /// "Local" as in `PosedScan`.
   [[nodiscard]] Eigen::Isometry3d T_local_lidar(std::size_t scan) const;
 
+  [[nodiscard]] const GroundSegmenter& ground_of(std::size_t scan) const;
   /// None when nothing travels with the sensor.
   [[nodiscard]] const OwnVehicle* vehicle_of(std::size_t scan) const;
 
   const DriveSet& drives_;
   const MapBuildOptions& options_;
   const VoxelGrid& grid_;
-  std::unique_ptr<GroundSegmenter> ground_;
   bool boxes_are_given_;
   /// One a drive.
+  std::vector<std::unique_ptr<GroundSegmenter>> grounds_;
   std::vector<std::unique_ptr<Detector>> detectors_;
   /// One a drive once `learn` is done.
   std::vector<OwnVehicle> vehicles_;

@@ -15,17 +15,14 @@ Eigen::AlignedBox2f area_of(maps::TileId id) {
 void TileWindow::move_to(std::int32_t x, int threads) {
   std::erase_if(open_, [x](const auto& each) { return each.first.x < x - 1; });
   std::vector<maps::TileId> wanted;
-  for (const maps::TileId id : stack_.tiles()) {
-    if (id.x >= x - 1 && id.x <= x + 1 && taken_.insert({id.x, false}).first->second == false)
-      wanted.push_back(id);
-  }
-  for (const maps::TileId id : wanted) taken_[id.x] = true;
+  for (; passed_ < tiles_.size() && tiles_[passed_].x <= x + 1; ++passed_)
+    if (tiles_[passed_].x >= x - 1) wanted.push_back(tiles_[passed_]);
   const CancelFlag never(false);
   process_in_order(
       wanted.size(), threads,
       [&](std::size_t i) {
         OpenTile tile;
-        tile.sums = stack_.take(wanted[i]);
+        tile.sums = stack_.read(wanted[i]);
         tile.points = cleaning_points(grid_, wanted[i], tile.sums, tile.numbers);
         return std::pair(wanted[i], std::move(tile));
       },

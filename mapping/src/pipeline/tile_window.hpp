@@ -12,11 +12,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <utility>
 #include <vector>
 
 namespace stillmap::mapping {
 
-/// A tile taken off the stack, not yet finished.
+/// A tile from the stack, not yet finished.
 struct OpenTile {
   std::vector<VoxelSum> sums;
   /// Means of the measured ones.
@@ -29,10 +30,12 @@ struct OpenTile {
 /// around it while memory does not grow with the map.
 class TileWindow {
  public:
-  TileWindow(TileStack& stack, const VoxelGrid& grid) : stack_(stack), grid_(grid) {}
+  /// @param tiles  of a region and of the rim of one tile around it, in order.
+  TileWindow(const TileStack& stack, const VoxelGrid& grid, std::vector<maps::TileId> tiles)
+      : stack_(stack), grid_(grid), tiles_(std::move(tiles)) {}
 
-  /// Takes the columns x - 1 to x + 1 off the stack, and lets go of those before.
-  /// @throws maps::StorageError.
+  /// Reads the columns x - 1 to x + 1, and lets go of those before. @param x  rises from call to
+  /// call. @throws maps::StorageError.
   void move_to(std::int32_t x, int threads);
 
   /// Its own to use up; `points` of a tile stay for its neighbours.
@@ -41,10 +44,12 @@ class TileWindow {
   [[nodiscard]] CleaningPoints with_rim(maps::TileId id, double rim_m) const;
 
  private:
-  TileStack& stack_;
+  const TileStack& stack_;
   const VoxelGrid& grid_;
+  std::vector<maps::TileId> tiles_;
+  /// Those that were read or are to be passed over.
+  std::size_t passed_ = 0;
   std::map<maps::TileId, OpenTile> open_;
-  std::map<std::int32_t, bool> taken_;
 };
 
 /// x and y of a tile [m].
