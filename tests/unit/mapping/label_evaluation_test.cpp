@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "labelled_world.hpp"
+#include "support/package_steps.hpp"
 #include "support/throws.hpp"
 
 namespace stillmap::mapping {
@@ -226,7 +227,7 @@ TEST(LabelEvaluation, GroundFilledAtItsHeightIsCompleteAndExact) {
     EXPECT_EQ(figures->ground_under.projected.rate(), 0.0);
   }
   EXPECT_EQ(result.heights->filled.points, 200U);
-  EXPECT_LT(result.heights->filled.p95_m, 1e-5);
+  EXPECT_LT(result.heights->filled.p95_m, test::kOffByStepsM);
   EXPECT_EQ(result.heights->projected.points, 0U);
 }
 
@@ -236,8 +237,8 @@ TEST(LabelEvaluation, GroundFilledSevenCentimetresTooHighIsNoGroundAndSaysSo) {
   const LabelEvaluation result =
       judge(hand, *hand.build(delete_movable, fill(0.07, world), {parked_car()}));
   EXPECT_EQ(result.unthinned->ground_under.filled.rate(), 0.0);
-  EXPECT_NEAR(result.heights->all.median_m, 0.07, 1e-5);
-  EXPECT_NEAR(result.heights->filled.p95_m, 0.07, 1e-5);
+  EXPECT_NEAR(result.heights->all.median_m, 0.07, test::kOffByStepsM);
+  EXPECT_NEAR(result.heights->filled.p95_m, 0.07, test::kOffByStepsM);
 }
 
 TEST(LabelEvaluation, ProjectedGroundCountsWithAndWithoutTheFilledOne) {
@@ -258,8 +259,8 @@ TEST(LabelEvaluation, ProjectedGroundCountsWithAndWithoutTheFilledOne) {
     EXPECT_EQ(figures->ground_under.projected.rate(), 0.5);
     EXPECT_EQ(figures->ground_under.filled.rate(), 1.0);
   }
-  EXPECT_NEAR(result.heights->filled.median_m, 0.04, 1e-5);
-  EXPECT_NEAR(result.heights->projected.p95_m, 0.0, 1e-5);
+  EXPECT_NEAR(result.heights->filled.median_m, 0.04, test::kOffByStepsM);
+  EXPECT_NEAR(result.heights->projected.p95_m, 0.0, test::kOffByStepsM);
 }
 
 TEST(LabelEvaluation, FootprintsAcrossAKerbAreToldFromThoseOnOneSurface) {
@@ -274,9 +275,9 @@ TEST(LabelEvaluation, FootprintsAcrossAKerbAreToldFromThoseOnOneSurface) {
   const LabelEvaluation result =
       judge(hand, *hand.build(delete_movable, filled, {parked_car(), across}));
   EXPECT_EQ(result.heights->one_surface.points, 200U);
-  EXPECT_NEAR(result.heights->one_surface.p95_m, 0.01, 1e-5);
+  EXPECT_NEAR(result.heights->one_surface.p95_m, 0.01, test::kOffByStepsM);
   EXPECT_EQ(result.heights->across_kerb.points, 10U);
-  EXPECT_NEAR(result.heights->across_kerb.p95_m, 0.12, 1e-5);
+  EXPECT_NEAR(result.heights->across_kerb.p95_m, 0.12, test::kOffByStepsM);
 }
 
 TEST(LabelEvaluation, FootprintsOfMovingObjectsDoNotCount) {

@@ -23,7 +23,7 @@ test::SmallMap sample() {
   map.points = {{{0.05F, 0.05F, 0.05F}, 0.0F, kMeasured},
                 {{0.06F, 0.07F, 0.05F}, 0.0F, kMeasured},
                 {{5.0F, -0.31F, 1.0F}, 0.0F, kGround},
-                {{-3.0F, 2.0F, 0.0F}, 0.0F, kFilled}};
+                {{-3.1F, 2.1F, 0.1F}, 0.0F, kFilled}};
   return map;
 }
 
@@ -52,7 +52,7 @@ TEST_F(OctomapExport, PointsAreOccupiedLeavesOfTheLibrarysTree) {
   EXPECT_EQ(tree->getResolution(), 0.2);
   EXPECT_TRUE(is_occupied(*tree, 1000.05, -499.95, 20.05));
   EXPECT_TRUE(is_occupied(*tree, 1005.0, -500.31, 21.0));
-  EXPECT_TRUE(is_occupied(*tree, 997.0, -498.0, 20.0));
+  EXPECT_TRUE(is_occupied(*tree, 996.9, -497.9, 20.1));
   EXPECT_FALSE(is_occupied(*tree, 1002.0, -500.0, 20.0));
   EXPECT_EQ(tree->getNumLeafNodes(), 3U);
   EXPECT_EQ(report_.points, 4U);
@@ -65,13 +65,13 @@ TEST_F(OctomapExport, FrameResolutionAndChoiceAreTheUsers) {
       "a.bt");
   EXPECT_EQ(tree->getResolution(), 0.5);
   EXPECT_TRUE(is_occupied(*tree, 0.05, 0.05, 0.05));
-  EXPECT_FALSE(is_occupied(*tree, -3.0, 2.0, 0.0));
+  EXPECT_FALSE(is_occupied(*tree, -3.1, 2.1, 0.1));
   EXPECT_EQ(report_.origin, sample().origin);
 }
 
 TEST_F(OctomapExport, MapsBeyondTheTreeAreRefusedWithTheRemedy) {
   EXPECT_THAT([&] { exported({.resolution_m = 0.02}, "a.bt"); },
-              ThrowsSaying<maps::InputError>({"997 -498 20", "655 m", "--resolution"}));
+              ThrowsSaying<maps::InputError>({"a point at 996.", "655 m", "--resolution"}));
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "a.bt"));
   EXPECT_THAT([&] { exported({.kinds = true}, "a.bt"); },
               ThrowsSaying<std::invalid_argument>({"kinds", "octomap"}));

@@ -18,8 +18,8 @@ using ::testing::Key;
 using ::testing::Not;
 using ::testing::Pair;
 
-/// Layers of `town`: tiles (-1, 0) with a point at (-1, 2, 3), and (0, 0) with two at (1, 2, 3) and
-/// (4, 5, 6), each seen three times.
+/// Layers of `town`: tiles (-1, 0) with a point at (-0.75, 2.25, 3), and (0, 0) with two at (1.25,
+/// 2.25, 3) and (4.25, 5.25, 6), each seen three times.
 class Layers : public ServiceTest {
  protected:
   static constexpr const char* kCoverage = "/v1/maps/town/versions/v1/layers/coverage";

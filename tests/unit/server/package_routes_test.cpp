@@ -182,7 +182,7 @@ TEST_F(PackageRoutesTest, WhatIsNoPackageIsSaidAndLeavesNothing) {
   EXPECT_EQ(code(put("v2", test::tar_file("../a", "x") + tar_)), "InvalidUpload");
   std::string bent = tar_;
   // Deep in the points of its only tile.
-  bent[bent.find("tiles/") + 1000] ^= 1;
+  bent[bent.rfind("packs/") + 1000] ^= 1;
   EXPECT_EQ(code(put("v2", bent)), "InvalidUpload");
   EXPECT_EQ(code(put("V2", tar_)), "InvalidRequest");
   EXPECT_EQ(put("v2", tar_, {}, "application/json").status, 415);

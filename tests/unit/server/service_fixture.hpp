@@ -52,9 +52,9 @@ class TownStore {
  public:
   TownStore() {
     maps::MapPackageWriter writer(built_.path() / "town");
-    const std::vector<maps::MapPoint> near = {point(1.0F, 2.0F, 3.0F), point(4.0F, 5.0F, 6.0F)};
+    const std::vector<maps::MapPoint> near = {point(1.25F, 2.25F, 3.0F), point(4.25F, 5.25F, 6.0F)};
     writer.add_tile({.level = 0, .x = 0, .y = 0}, near);
-    writer.add_tile({.level = 0, .x = -1, .y = 0}, std::vector{point(-1.0F, 2.0F, 3.0F)});
+    writer.add_tile({.level = 0, .x = -1, .y = 0}, std::vector{point(-0.75F, 2.25F, 3.0F)});
     Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
     T.translation() = Eigen::Vector3d(0.5, 0.0, 0.0);
     writer.write_trajectory(maps::Trajectory(std::vector<maps::StampedPose>{
