@@ -19,7 +19,7 @@ export async function aboutVersion(map: string, version: string, signal: AbortSi
     name: version,
     origin: (about.origin ?? [0, 0, 0]) as [number, number, number],
     voxel_size_m: about.voxel_size_m ?? 0.1,
-    points: (about.tiles ?? []).reduce((sum, tile) => sum + tile.points, 0),
+    points: about.points ?? 0,
   };
 }
 
