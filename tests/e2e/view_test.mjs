@@ -64,11 +64,18 @@ async function readOut(page, x, y) {
   return (await place.textContent()).match(/-?\d+\.\d+/g).map(Number);
 }
 
+/** Tiles of level 0. */
+async function tilesOf(server, version) {
+  const { tiles, next } = await (await fetch(`${server.origin}/v1/maps/town/versions/${version}/tiles?limit=1000`)).json();
+  if (next !== null) throw new Error('more than 1000 tiles');
+  return tiles.filter((tile) => tile.level === 0);
+}
+
 /** All points of full resolution in map coordinates, straight from the server. */
 async function mapPoints(server) {
   const map = await (await fetch(`${server.origin}/v1/maps/town`)).json();
   const points = [];
-  for (const { level, x, y } of map.tiles.filter((tile) => tile.level === 0)) {
+  for (const { level, x, y } of await tilesOf(server, map.version)) {
     const path = `/v1/maps/town/versions/${map.version}/tiles/${level}/${x}/${y}`;
     const answer = await fetch(server.origin + path);
     const corner = answer.headers.get('Stillmap-Tile-Corner').split(',').map(Number);
@@ -333,7 +340,8 @@ async function clipped(run) {
   const server = await run.shared();
   const page = await openView(run, server);
   // A box over the middle third of the map, with the ground and no more than the feet of what stands on it.
-  const { tiles, origin } = await (await fetch(`${server.origin}/v1/maps/town`)).json();
+  const { version, origin } = await (await fetch(`${server.origin}/v1/maps/town`)).json();
+  const tiles = await tilesOf(server, version);
   const [low, high] = [0, 1, 2].map((axis) => origin[axis] + Math.min(...tiles.map(({ min }) => min[axis])))
     .map((value, axis) => [value, origin[axis] + Math.max(...tiles.map(({ max }) => max[axis]))])
     .reduce(([lows, highs], [a, b]) => [[...lows, a], [...highs, b]], [[], []]);

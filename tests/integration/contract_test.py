@@ -182,7 +182,9 @@ class Contract(unittest.TestCase):
             self.assertIn(name if name == "localizability" else "scans", [band["name"] for band in found["bands"]])
         self.ask("GET", layer, 404, **town, layer="colour")
         self.ask("GET", "/v1/maps/{map}", 404, map="village")
-        tile = self.ask("GET", "/v1/maps/{map}", 200, map="town")["tiles"][0]
+        about = self.ask("GET", "/v1/maps/{map}", 200, map="town")
+        tiles = self.ask("GET", "/v1/maps/{map}/versions/{version}/tiles", 200, map="town", version=about["version"])
+        tile = tiles["tiles"][-1]
         place = {key: tile[key] for key in ("level", "x", "y")}
         points = self.ask("GET", "/v1/maps/{map}/versions/{version}/tiles/{level}/{x}/{y}", 200, **town, **place)
         self.assertEqual(len(points), 20 * tile["points"])

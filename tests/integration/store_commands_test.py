@@ -4,9 +4,11 @@
 usage: store_commands_test.py STILLMAP MAP
 """
 
+import hashlib
 import json
 import pathlib
 import re
+import struct
 import subprocess
 import sys
 import tempfile
@@ -17,6 +19,20 @@ PROGRAM, MAP = sys.argv[1:3]
 
 def run(*arguments):
     return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=60)
+
+
+def package_of_schema_1(folder):
+    """A map of one tile with two points. @return its digest."""
+    tile = b"".join(struct.pack("<4fHBB", x, 2.0, 0.5, 1.0, 1, 0, 0) for x in (1.0, 3.0))
+    (folder / "tiles").mkdir(parents=True)
+    (folder / "tiles" / "0_0_0.bin").write_bytes(tile)
+    manifest = json.dumps({
+        "schema": 1, "frame_id": "map", "origin": [5.0, 7.0, 0.0], "voxel_size_m": 0.1, "relative_clock": True,
+        "software_version": "0", "options": {}, "counts": {}, "sources": {},
+        "tiles": [{"level": 0, "x": 0, "y": 0, "points": 2, "min": [1.0, 2.0, 0.5], "max": [3.0, 2.0, 0.5]}],
+        "files": {"tiles/0_0_0.bin": {"bytes": len(tile), "sha256": hashlib.sha256(tile).hexdigest()}}})
+    (folder / "manifest.json").write_text(manifest)
+    return hashlib.sha256(manifest.encode()).hexdigest()
 
 
 class StoreCommands(unittest.TestCase):
@@ -107,6 +123,39 @@ class StoreCommands(unittest.TestCase):
         (problem,) = json.loads(done.stdout)["problems"]
         self.assertEqual((problem["map"], problem["version"]), ("town", "1"))
         self.assertIn(tile.name, problem["what"])
+
+    def test_migrate_turns_old_packages_into_new_ones(self):
+        self.publish()
+        former = package_of_schema_1(self.folder / "old")
+        for version in ("old", "copy"):
+            self.does("store", "add", self.store, "town", version, self.folder / "old")
+        plan = self.json("store", "migrate", self.store, "--dry-run")
+        self.assertEqual([(each["digest"], each["versions"]) for each in plan["packages"]], [(former, "town/old, town/copy")])
+        self.assertTrue(0 < plan["room_bytes"] < plan["free_bytes"])
+        self.assertIn("1 packages of schema 1", self.does("store", "migrate", self.store, "--dry-run"))
+        done = self.json("store", "migrate", self.store)
+        self.assertEqual(([each["former"]["digest"] for each in done["migrated"]], done["left"]), ([former], []))
+        (town,) = self.json("store", "list", self.store)["maps"]
+        found = {each["version"]: (each["digest"], each["former_digests"]) for each in town["versions"]}
+        self.assertEqual(found["old"], (done["migrated"][0]["digest"], [former]))
+        self.assertEqual(found["copy"], found["old"])
+        self.assertEqual((found["1"][1], town["version"], town["revision"]), ([], "1", 1))
+        self.assertEqual(self.json("store", "verify", self.store), {"problems": []})
+        self.assertEqual(self.does("store", "migrate", self.store), "0 packages migrated, 0 left\n")
+        self.assertEqual(self.does("store", "migrate", self.store, "--dry-run"), "every package is of schema 2\n")
+        # The package as it was is still this version.
+        self.assertIn("as before", self.does("store", "add", self.store, "town", "old", self.folder / "old"))
+
+    def test_migrate_leaves_a_damaged_package_and_fails(self):
+        former = package_of_schema_1(self.folder / "old")
+        self.does("store", "add", self.store, "town", "old", self.folder / "old")
+        tile = self.store / "packages" / former / "tiles" / "0_0_0.bin"
+        tile.write_bytes(bytes(b ^ 1 for b in tile.read_bytes()))
+        done = run("store", "migrate", self.store, "--json")
+        self.assertEqual(done.returncode, 1, done.stderr)
+        (left,) = json.loads(done.stdout)["left"]
+        self.assertEqual((left["digest"], left["versions"]), (former, "town/old"))
+        self.assertIn("tiles/0_0_0.bin", left["why"])
 
     def test_gc_keeps_so_many_versions(self):
         for version in "12345":
@@ -217,6 +266,7 @@ class StoreCommands(unittest.TestCase):
         self.fails(2, "nowhere", "store", "verify", "nowhere")
         self.fails(2, "0", "keys", "create", "car", "--store", self.store, "--scope", "read", "--expires-days", "0")
         for command in (["store", "verify", self.store], ["store", "gc", self.store], ["store", "reindex", self.store],
+                        ["store", "migrate", self.store], ["store", "migrate", self.store, "--dry-run"],
                         ["store", "backup", self.store, "-o", self.folder / "new"],
                         ["store", "activate", self.store, "town", "1"], ["store", "list", self.store],
                         ["store", "rollback", self.store, "town"], ["store", "remove", self.store, "town", "1"],

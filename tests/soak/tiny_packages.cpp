@@ -49,7 +49,7 @@ void write_package(const fs::path& target, int seed) {
                                                  .kind = maps::PointKind::kMeasured,
                                                  .object = 0});
   }
-  maps::MapPackageWriter writer(target);
+  maps::MapPackageWriter writer(target, {}, 1);
   for (const auto& [id, tile] : tiles)
     writer.add_tile({.level = 0, .x = id.first, .y = id.second}, tile);
   std::vector<maps::StampedPose> drive;

@@ -25,8 +25,9 @@ inline std::string pack_of(const std::filesystem::path& package, maps::TileId ti
 /// @return its digest.
 inline std::string write_package(const std::filesystem::path& target, int seed,
                                  std::size_t points = 100,
-                                 std::optional<maps::Registration> registration = {}) {
-  maps::MapPackageWriter writer(target);
+                                 std::optional<maps::Registration> registration = {},
+                                 int schema = maps::kPackageSchema) {
+  maps::MapPackageWriter writer(target, {}, schema);
   std::vector<maps::MapPoint> tile(points);
   for (std::size_t i = 0; i < points; ++i)
     tile[i] = {static_cast<float>(i % 19U),

@@ -153,8 +153,22 @@ std::string map_json(const StoredMap& map, const ServedVersion& version,
   json["relative_clock"] = manifest.relative_clock;
   json["counts"] = manifest.counts;
   json["tile_size_m"] = maps::kTileSizeM;
+  json["tiles"] = manifest.tiles.size();
+  Eigen::AlignedBox3d bounds;
+  for (const maps::TileEntry& tile : manifest.tiles) bounds.extend(tile.from_origin());
+  if (!bounds.isEmpty())
+    json["bounds"] = {{"min", to_json_array(bounds.min())}, {"max", to_json_array(bounds.max())}};
+  json["objects"] = package.objects().size();
+  std::size_t poses = 0;
+  for (const maps::Trajectory& drive : package.trajectories()) poses += drive.size();
+  json["poses"] = poses;
+  return to_text(json);
+}
+
+std::string tile_list_json(const TilePage& page) {
+  Json json;
   json["tiles"] = Json::array();
-  for (const maps::TileEntry& tile : manifest.tiles) {
+  for (const maps::TileEntry& tile : page.tiles) {
     json["tiles"].push_back({{"level", tile.id.level},
                              {"x", tile.id.x},
                              {"y", tile.id.y},
@@ -162,10 +176,7 @@ std::string map_json(const StoredMap& map, const ServedVersion& version,
                              {"min", to_json_array(tile.from_origin().min())},
                              {"max", to_json_array(tile.from_origin().max())}});
   }
-  json["objects"] = package.objects().size();
-  std::size_t poses = 0;
-  for (const maps::Trajectory& drive : package.trajectories()) poses += drive.size();
-  json["poses"] = poses;
+  json["next"] = page.next ? Json(*page.next) : Json();
   return to_text(json);
 }
 

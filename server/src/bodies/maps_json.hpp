@@ -1,6 +1,7 @@
 #pragma once
 
 #include "catalog/map_catalog.hpp"
+#include "catalog/tile_list.hpp"
 #include "catalog/version_facts.hpp"
 
 #include <stillmap/maps/map_package.hpp>
@@ -45,6 +46,7 @@ struct ListedMap {
 [[nodiscard]] std::string stored_map_json(const StoredMap& map);
 [[nodiscard]] std::string map_json(const StoredMap& map, const ServedVersion& version,
                                    const DescribedVersion& described);
+[[nodiscard]] std::string tile_list_json(const TilePage& page);
 [[nodiscard]] std::string version_json(const StoredVersion& version);
 [[nodiscard]] std::string version_list_json(const StoredMap& map,
                                             const std::vector<DescribedVersion>& versions);

@@ -1,5 +1,7 @@
 #include "option_rows.hpp"
 
+#include <limits>
+
 namespace stillmap::server {
 
 std::vector<Option> store_options() {
@@ -9,16 +11,14 @@ std::vector<Option> store_options() {
   return {
       {.key = "uploads.max_package_bytes",
        .field = at(&S::uploads, &U::max_package_bytes),
-       .least = kKiB,
        .most = kMostBytes,
        .unit = "bytes",
-       .text = "Largest package or map file as it travels."},
+       .text = "Largest package or map file as it travels; 0 means no bound."},
       {.key = "uploads.max_entries",
        .field = at(&S::uploads, &U::max_entries),
-       .least = 1,
-       .most = 10'000'000,
+       .most = std::numeric_limits<int>::max(),
        .unit = "files",
-       .text = "Most files in one package, or in one drive.",
+       .text = "Most files in one package, or in one drive; 0 means no bound.",
        .reloadable = true},
       {.key = "uploads.max_unpacked_ratio",
        .field = at(&S::uploads, &U::max_unpacked_ratio),
@@ -28,10 +28,9 @@ std::vector<Option> store_options() {
        .reloadable = true},
       {.key = "uploads.max_drive_bytes",
        .field = at(&S::uploads, &U::max_drive_bytes),
-       .least = kKiB,
        .most = kMostBytes,
        .unit = "bytes",
-       .text = "Largest drive, all its parts together."},
+       .text = "Largest drive, all its parts together; 0 means no bound."},
       {.key = "uploads.max_open",
        .field = at(&S::uploads, &U::max_open),
        .least = 1,

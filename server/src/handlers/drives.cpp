@@ -21,8 +21,8 @@ namespace {
 
 DriveStore::Limits drive_limits(const UploadOptions& options) {
   DriveStore::Limits limits;
-  limits.bytes = static_cast<std::uint64_t>(options.max_drive_bytes);
-  limits.archive.entries = static_cast<std::uint64_t>(options.max_entries);
+  limits.bytes = bound_of(options.max_drive_bytes);
+  limits.archive.entries = bound_of(options.max_entries);
   // Labels pack to a fortieth: what bounds packages would refuse good drives.
   limits.archive.ratio = std::max(limits.archive.ratio, options.max_unpacked_ratio);
   // A recording is often a single file.
@@ -127,11 +127,11 @@ void add_drive_byte_routes(std::vector<Route>& routes, const Context& context) {
              "/v1/maps/{map}/drives/{drive}/parts/{part}",
              [&context](const HttpRequest& request, const PathParameters& path) {
                return put_part(context, request, path, find_drive(context, path),
-                               static_cast<std::uint64_t>(context.options.uploads.max_drive_bytes));
+                               bound_of(context.options.uploads.max_drive_bytes));
              },
              Access::kWrite,
              BodyKind::kStreamed,
-             static_cast<std::uint64_t>(context.options.uploads.max_drive_bytes)};
+             bound_of(context.options.uploads.max_drive_bytes)};
   Route complete{"POST",
                  "/v1/maps/{map}/drives/{drive}/complete",
                  [&context](const HttpRequest& request, const PathParameters& path) {

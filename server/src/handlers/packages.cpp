@@ -127,7 +127,7 @@ void add_package_routes(std::vector<Route>& routes, const Context& context) {
             },
             Access::kWrite,
             BodyKind::kStreamed,
-            static_cast<std::uint64_t>(context.options.uploads.max_package_bytes)};
+            bound_of(context.options.uploads.max_package_bytes)};
   put.reserve = [&context](const HttpRequest& request, const PathParameters&) {
     return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
   };

@@ -15,7 +15,7 @@ namespace {
 
 ArchiveLimits archive_limits(const UploadOptions& options) {
   ArchiveLimits limits;
-  limits.entries = static_cast<std::uint64_t>(options.max_entries);
+  limits.entries = bound_of(options.max_entries);
   limits.ratio = options.max_unpacked_ratio;
   return limits;
 }

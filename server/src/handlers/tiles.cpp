@@ -1,17 +1,24 @@
+#include "bodies/maps_json.hpp"
 #include "bodies/tile_diff_json.hpp"
 #include "catalog/map_views.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
+#include "handlers/page_query.hpp"
 #include "handlers/pose_handling.hpp"
 #include "handlers/tile_answer.hpp"
 #include "handlers/tile_path.hpp"
 
 #include <fmt/format.h>
 
+#include <stillmap/maps/text.hpp>
+
+#include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -96,9 +103,44 @@ Route diff_route(const Context& context) {
   return route;
 }
 
+/// `min_x,min_y,max_x,max_y`; nothing where it is not asked for.
+std::optional<Eigen::AlignedBox2d> read_area(const std::map<std::string, std::string>& values) {
+  const auto found = values.find("area");
+  if (found == values.end()) return std::nullopt;
+  std::vector<double> numbers;
+  std::string_view rest = found->second;
+  for (bool more = true; more;) {
+    const std::size_t comma = rest.find(',');
+    const auto number = maps::parse_number(rest.substr(0, comma));
+    numbers.push_back(number.value_or(std::numeric_limits<double>::quiet_NaN()));
+    more = comma != rest.npos;
+    if (more) rest.remove_prefix(comma + 1);
+  }
+  // Not a number is below none.
+  if (numbers.size() != 4 || !(numbers[0] <= numbers[2] && numbers[1] <= numbers[3]))
+    throw field_error(ErrorCode::kInvalidRequest, "area", "'" + found->second + "'",
+                      "min_x,min_y,max_x,max_y [m]");
+  return Eigen::AlignedBox2d(Eigen::Vector2d(numbers[0], numbers[1]),
+                             Eigen::Vector2d(numbers[2], numbers[3]));
+}
+
+HttpResponse answer_tile_list(const Context& context, const HttpRequest& request,
+                              const PathParameters& path) {
+  const auto values = read_query(request, {"area", "limit", "before"});
+  const PageQuery page = read_page(values);
+  const std::optional<Eigen::AlignedBox2d> area = read_area(values);
+  const ServedVersion map = find_version(context.catalog, path);
+  return json_response(
+      tile_list_json(list_tiles(map.package->manifest().tiles, area, page.limit, page.before)));
+}
+
 }  // namespace
 
 void add_tile_routes(std::vector<Route>& routes, const Context& context) {
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/tiles",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return answer_tile_list(context, request, path);
+                    }});
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/tiles/{level}/{x}/{y}",
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return answer_tile(context, request, path);

@@ -15,7 +15,7 @@ namespace stillmap::server {
 namespace {
 
 std::uint64_t most_bytes(const Context& context) {
-  return static_cast<std::uint64_t>(context.options.uploads.max_package_bytes);
+  return bound_of(context.options.uploads.max_package_bytes);
 }
 
 /// The upload that the path names, of the map that it names.

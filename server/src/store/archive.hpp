@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -20,14 +21,25 @@ namespace stillmap::server {
 /// and comes out of it as it is: a digest of its own may be checked there.
 using ByteSource = std::function<std::size_t(std::span<char>)>;
 
-/// What an archive from outside may hold.
+inline constexpr std::uint64_t kUnbounded = std::numeric_limits<std::uint64_t>::max();
+
+/// A bound that somebody set; 0 is none.
+[[nodiscard]] constexpr std::uint64_t bound_of(std::int64_t option) {
+  return option > 0 ? static_cast<std::uint64_t>(option) : kUnbounded;
+}
+
+/// What an archive from outside may hold. Its size is bounded by the disk and the ratio, what of it
+/// is kept in memory by the memory of the machine.
 struct ArchiveLimits {
   /// Files and folders.
-  std::uint64_t entries = 200'000;
+  std::uint64_t entries = kUnbounded;
   /// Of one file, unpacked.
-  std::uint64_t file_bytes = std::uint64_t{8} << 30U;
+  std::uint64_t file_bytes = kUnbounded;
   /// Of all, unpacked, headers and padding included.
-  std::uint64_t total_bytes = std::uint64_t{64} << 30U;
+  std::uint64_t total_bytes = kUnbounded;
+  /// That the list of its entries takes in memory, some 300 bytes for each; 0 = a 16th of what
+  /// there is.
+  std::uint64_t list_bytes = 0;
   /// Unpacked to packed bytes, >= 1, beyond the first 16 MiB unpacked. Scans and tiles pack to a
   /// half at best, tables of text to a twentieth.
   double ratio = 100.0;

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include <stillmap/maps/sha256.hpp>
+#include "store/memory_share.hpp"
 #include "store/tar_reader.hpp"
 
 namespace stillmap::server {
@@ -33,7 +34,7 @@ class Extraction {
         make_folder(entry->path);
       else
         write_file(entry->path, hashed);
-      refuse_too_many();
+      refuse_too_many(entry->path);
     }
   }
 
@@ -85,7 +86,14 @@ class Extraction {
                            there == path ? "once" : "a folder");
   }
 
-  void refuse_too_many() const {
+  void refuse_too_many(const std::string& path) {
+    // Of a file: its node in the list, its path and its SHA-256.
+    constexpr std::uint64_t kOfEntry = 240;
+    list_bytes_ += kOfEntry + path.size();
+    const std::uint64_t most = limits_->list_bytes > 0 ? limits_->list_bytes : share_of_memory(16);
+    if (list_bytes_ > most)
+      throw maps::InputError(tar_->place("..."), "more entries than the memory holds",
+                             "fewer and larger files");
     if (found_->files.size() + found_->folders.size() <= limits_->entries) return;
     throw maps::InputError(tar_->place("..."), "more entries",
                            std::to_string(limits_->entries) + " at most");
@@ -98,6 +106,7 @@ class Extraction {
   ArchiveFiles* found_;
   /// Folders that had an entry of their own.
   std::set<std::string> entered_;
+  std::uint64_t list_bytes_ = 0;
 };
 
 }  // namespace

@@ -32,7 +32,7 @@ class DriveStore {
   /// What an archive of a whole drive may be.
   struct Limits {
     /// Of all parts together.
-    std::uint64_t bytes = std::uint64_t{256} << 30U;
+    std::uint64_t bytes = kUnbounded;
     ArchiveLimits archive{};
   };
 

@@ -10,14 +10,12 @@
 
 #include <stillmap/maps/package_files.hpp>
 #include <stillmap/maps/text.hpp>
+#include "store/memory_share.hpp"
 
 namespace stillmap::server {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Files that are read into memory as a whole.
-constexpr std::uint64_t kLargestText = 64U << 20U;
 
 /// What comes before the package's own paths: nothing, or one folder's name with its slash.
 std::string find_root(const ArchiveFiles& found, const std::string& name) {
@@ -33,7 +31,9 @@ std::string find_root(const ArchiveFiles& found, const std::string& name) {
                          "one map package, by itself or in one folder: pack that folder");
 }
 
-void check_size(const std::string& place, std::uint64_t bytes, std::uint64_t most) {
+/// Of a file that is read into memory as a whole, where it takes up to 20 times as much.
+void check_size(const std::string& place, std::uint64_t bytes,
+                std::uint64_t most = share_of_memory(64)) {
   if (bytes <= most) return;
   throw maps::InputError(place, std::to_string(bytes) + " bytes",
                          std::to_string(most) + " at most");
@@ -78,7 +78,7 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
                              const std::string& name, const DurableFiles& disk) {
   const std::string root = find_root(found, name);
   const std::string manifest_path = root + maps::kManifestName;
-  check_size(name + ": " + maps::kManifestName, found.files.at(manifest_path).bytes, kLargestText);
+  check_size(name + ": " + maps::kManifestName, found.files.at(manifest_path).bytes);
   const std::string text = maps::read_text(unpacked / manifest_path);
   const maps::MapManifest manifest = maps::parse_manifest(text, name + ": " + maps::kManifestName);
   CopiedPackage package{.digest = maps::sha256_of(text), .bytes = text.size()};
@@ -91,7 +91,7 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
     check_listed(path, listed, root, found, name);
     const bool is_text = path == maps::kObjectsName || path == maps::kGraphName ||
                          path == maps::kDisagreementName || path.starts_with("trajectory");
-    if (is_text) check_size(fmt::format("{}: {}", name, path), listed.bytes, kLargestText);
+    if (is_text) check_size(fmt::format("{}: {}", name, path), listed.bytes);
     kept.insert(root + path);
     package.bytes += listed.bytes;
   }

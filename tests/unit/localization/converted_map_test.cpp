@@ -41,7 +41,7 @@ class ConvertedMap : public ::testing::Test {
           {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z()), 0.0F, 1,
            maps::PointKind::kMeasured, 0});
     }
-    maps::MapPackageWriter writer(folder_.path() / "old");
+    maps::MapPackageWriter writer(folder_.path() / "old", {}, 1);
     for (const auto& [id, points] : tiles) writer.add_tile(id, points);
     std::vector<maps::StampedPose> trajectory;
     for (const Eigen::Isometry3d& T : poses)

@@ -83,7 +83,7 @@ class ConvertPackage : public ::testing::Test {
   using Change = std::function<void(TileId, std::vector<MapPoint>&, std::vector<PointHistory>&)>;
   std::shared_ptr<const MapPackage> write(const std::string& name,
                                           const Change& change = {}) const {
-    MapPackageWriter writer(folder_.path() / name);
+    MapPackageWriter writer(folder_.path() / name, {}, 1);
     std::mt19937 random(5);
     for (const TileId id : kTiles) {
       std::vector<MapPoint> points = some_points(id, random);

@@ -224,6 +224,7 @@ TEST_F(ArchiveAttackTest, KeepsEveryLimit) {
       target_, calls_);
   fs::remove_all(target_);
   expect_refused(two, {"more entries", "3 at most"}, {.entries = 3});
+  expect_refused(two, {"more entries than the memory holds"}, {.list_bytes = 400});
   expect_refused(two, {"entry 'a'", "10 bytes", "9 at most"}, {.file_bytes = 9});
   expect_refused(two, {"unpacked"}, {.total_bytes = two.size() - 1});
   expect_refused(two, {"5 bytes", "4 at most"}, {.path_bytes = 4});

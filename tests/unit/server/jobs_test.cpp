@@ -254,9 +254,12 @@ TEST_F(Jobs, ActivatesOnceHoweverOftenItPublishes) {
 
 /// Its package is registered to the active version by the digest that this one had.
 TEST_F(Jobs, IsActivatedThoughTheActiveVersionWasMigratedMeanwhile) {
+  const std::string former = test::write_package(scripts_.path() / "old", 3, 100, {}, 1);
+  store_.open().add("town", "old", scripts_.path() / "old");
+  store_.open().activate("town", "old");
   std::filesystem::remove_all(scripts_.path() / "package");
   test::write_package(scripts_.path() / "package", 7, 100,
-                      maps::Registration{.previous_digest = store_.digest()});
+                      maps::Registration{.previous_digest = former});
   start_with("say 0.1 waiting; while [ ! -e $0.go ]; do sleep 0.05; done; publish");
   const std::string job = rebuild(R"({"drives": [1], "activate": true, "version": "v2"})");
   wait_for_stage(job, "waiting");

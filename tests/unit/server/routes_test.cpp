@@ -109,13 +109,58 @@ TEST_F(Routes, MapTellsItsFrameTilesAndCounts) {
   EXPECT_EQ(map["tile_size_m"], 20.0);
   EXPECT_EQ(map["objects"], 1);
   EXPECT_EQ(map["poses"], 2);
-  ASSERT_EQ(map["tiles"].size(), 2U);
-  EXPECT_EQ(map["tiles"][1]["x"], 0);
-  EXPECT_EQ(map["tiles"][1]["points"], 2);
-  const auto max = map["tiles"][1]["max"].get<std::vector<double>>();
+  EXPECT_EQ(map["tiles"], 2);
+}
+
+TEST_F(Routes, TilesAreListedPartByPart) {
+  start();
+  const auto ask = [&](decltype(HttpRequest::query) query) {
+    HttpRequest asked = request("GET", "/v1/maps/town/versions/" + store_.version() + "/tiles");
+    asked.query = std::move(query);
+    return service_->handle(asked);
+  };
+  const nlohmann::json all = body(ask({}));
+  ASSERT_EQ(all["tiles"].size(), 2U);
+  EXPECT_TRUE(all["next"].is_null());
+  EXPECT_EQ(all["tiles"][0]["x"], 0) << "the last one first";
+  EXPECT_EQ(all["tiles"][0]["points"], 2);
   EXPECT_THAT(
-      max, ElementsAre(DoubleNear(4.25, test::kOffByStepsM), DoubleNear(5.25, test::kOffByStepsM),
-                       DoubleNear(6.0, test::kOffByStepsM)));
+      all["tiles"][0]["max"].get<std::vector<double>>(),
+      ElementsAre(DoubleNear(4.25, test::kOffByStepsM), DoubleNear(5.25, test::kOffByStepsM),
+                  DoubleNear(6.0, test::kOffByStepsM)));
+  const nlohmann::json one = body(ask({{"limit", "1"}}));
+  ASSERT_EQ(one["tiles"], nlohmann::json::array({all["tiles"][0]}));
+  const nlohmann::json other = body(ask({{"limit", "1"}, {"before", one["next"].dump()}}));
+  EXPECT_EQ(other["tiles"], nlohmann::json::array({all["tiles"][1]}));
+  EXPECT_TRUE(other["next"].is_null());
+  // Bounds count, relative to the origin: the tile begins at -20 m, its only point is at -0.75 m.
+  EXPECT_EQ(body(ask({{"area", "-1.5,0,0.5,9"}}))["tiles"], other["tiles"]);
+  EXPECT_EQ(body(ask({{"area", "-20,0,-2,9"}}))["tiles"], nlohmann::json::array());
+  EXPECT_EQ(body(ask({{"area", "-1,2,2,3"}}))["tiles"], all["tiles"]);
+  for (const char* area : {"1,2,3", "1,2,3,4,5", "3,0,1,9", "1,2,x,4", "1,nan,3,4", ""})
+    EXPECT_EQ(ask({{"area", area}}).status, 400) << area;
+  EXPECT_EQ(ask({{"limit", "1001"}}).status, 400);
+  EXPECT_EQ(ask({{"before", "x"}}).status, 400);
+  EXPECT_EQ(ask({{"places", "1"}}).status, 400);
+}
+
+/// However large the map is, an answer has as much as was asked for, and all come.
+TEST(TileList, HasEachTileOnce) {
+  std::vector<maps::TileEntry> tiles(2501);
+  for (std::size_t i = 0; i < tiles.size(); ++i) tiles[i].id.x = static_cast<std::int32_t>(i);
+  std::vector<std::int32_t> found;
+  std::optional<std::int64_t> before;
+  do {
+    const TilePage page = list_tiles(tiles, {}, 500, before);
+    EXPECT_LE(page.tiles.size(), 500U);
+    for (const maps::TileEntry& tile : page.tiles) found.push_back(tile.id.x);
+    before = page.next;
+  } while (before);
+  ASSERT_EQ(found.size(), tiles.size());
+  for (std::size_t i = 0; i < found.size(); ++i)
+    EXPECT_EQ(found[i], static_cast<std::int32_t>(tiles.size() - 1 - i));
+  EXPECT_TRUE(list_tiles(tiles, {}, 500, 1).tiles.empty());
+  EXPECT_EQ(list_tiles(tiles, {}, 1, std::int64_t{1} << 60U).tiles[0].id.x, 2500);
 }
 
 TEST_F(Routes, TrajectoryHasExactStampsAsText) {

@@ -39,11 +39,16 @@ using ::stillmap::test::RecordingCalls;
 using ::stillmap::test::TemporaryFolder;
 using ::stillmap::test::ThrowsSaying;
 using ::stillmap::test::UnsyncedCalls;
-using ::stillmap::test::write_package;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 using Kind = DiskCall::Kind;
+
+/// Of schema 1.
+std::string write_package(const fs::path& target, int seed, std::size_t points = 100,
+                          std::optional<maps::Registration> registration = {}) {
+  return test::write_package(target, seed, points, std::move(registration), 1);
+}
 
 /// Files that are written past the gate, as a package that is converted, become known when they are
 /// synced through it.

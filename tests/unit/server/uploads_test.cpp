@@ -213,6 +213,39 @@ TEST_F(Uploads, BadRequestsAreRefusedByField) {
     EXPECT_EQ(put(path + "/parts/" + part, "x").status, 400) << part;
 }
 
+/// A body of so many bytes, none of which comes.
+class AnnouncedBody final : public BodyStream {
+ public:
+  explicit AnnouncedBody(std::uint64_t bytes) : bytes_(bytes) {}
+  [[nodiscard]] std::uint64_t size() const override { return bytes_; }
+  std::size_t read(std::span<char>) override {
+    was_read_ = true;
+    return 0;
+  }
+  [[nodiscard]] bool was_read() const { return was_read_; }
+
+ private:
+  std::uint64_t bytes_;
+  bool was_read_ = false;
+};
+
+/// No fixed size: what is refused is what the disk has no room for.
+TEST_F(Uploads, AreBoundedByTheDiskAlone) {
+  EXPECT_EQ(options_.uploads.max_package_bytes, 0);
+  EXPECT_EQ(options_.uploads.max_entries, 0);
+  start();
+  const std::string path = path_of(opened("v2"));
+  for (const std::uint64_t bytes : {std::uint64_t{1} << 45U, std::uint64_t{1} << 62U}) {
+    HttpRequest asked = request("PUT", path + "/parts/1");
+    AnnouncedBody stream(bytes);
+    asked.stream = &stream;
+    const HttpResponse refused = service_->handle(asked);
+    EXPECT_EQ(refused.status, 507) << bytes << refused.body;
+    EXPECT_FALSE(stream.was_read()) << "refused before it comes";
+  }
+  EXPECT_EQ(put(path + "/parts/1", "x").status, 201);
+}
+
 TEST_F(Uploads, SizeOfAllPartsIsThatOfAPackage) {
   options_.uploads.max_package_bytes = 1 << 20;
   start();

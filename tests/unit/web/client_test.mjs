@@ -3,6 +3,7 @@ import { beforeEach, test } from 'node:test';
 
 const unit = (name) => import(`../../../web/dist/unit/${name}.js`);
 const { addressOf, ask } = await unit('api/client');
+const { listTiles } = await unit('api/tiles');
 const { answerKey, askForKey, keyWanted, setKey } = await unit('api/keys');
 const { answered, busy, connection, watch } = await unit('api/connection');
 const { parsePlace, linkTo, place, replaceQuery } = await unit('state/router');
@@ -33,6 +34,22 @@ test('names and queries are escaped, and what is not given is left out', () => {
   const url = addressOf('/v1/maps/{map}/versions/{version}', { map: 'a/b', version: 'v 1' }, { x: undefined, y: 'ü', z: 0 });
   assert.equal(url, '/v1/maps/a%2Fb/versions/v%201?y=%C3%BC&z=0');
   assert.throws(() => addressOf('/v1/maps/{map}', {}), /no value for \{map\}/);
+});
+
+test('tiles of an area come part by part, until there are enough points', async () => {
+  const tile = (x, points) => ({ level: 0, x, y: 0, points, min: [0, 0, 0], max: [1, 1, 1] });
+  const parts = () => [json({ tiles: [tile(2, 10), tile(1, 10)], next: 7 }), json({ tiles: [tile(0, 5)], next: null })];
+  const place = { map: 'town', version: 'v 1' };
+  const signal = new AbortController().signal;
+  let asked = serve(...parts());
+  const found = await listTiles(place, { min: [-1.5, -2], max: [3, 4] }, signal);
+  assert.deepEqual(found.map(({ x }) => x), [2, 1, 0]);
+  const path = '/v1/maps/town/versions/v%201/tiles?limit=1000';
+  assert.deepEqual(asked.map(({ url }) => url), [
+    `${path}&area=-1.500%2C-2.000%2C3.000%2C4.000`, `${path}&before=7&area=-1.500%2C-2.000%2C3.000%2C4.000`]);
+  asked = serve(...parts());
+  assert.equal((await listTiles(place, undefined, signal, 19)).length, 2);
+  assert.deepEqual(asked.map(({ url }) => url), [path]);
 });
 
 test('an address comes back as it went', () => {

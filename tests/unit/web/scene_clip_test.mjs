@@ -4,6 +4,7 @@ import { test } from 'node:test';
 const { contains } = await import('../../../web/dist/unit/scene/clip_box.js');
 const { canPull, handlesOf, pulled } = await import('../../../web/dist/unit/scene/clip_handles.js');
 const { planesOf } = await import('../../../web/dist/unit/scene/clip_planes.js');
+const { areaOf } = await import('../../../web/dist/unit/scene/region.js');
 const { Vector3 } = await import('../../../web/node_modules/three/build/three.module.js');
 
 const kBox = { centre: [10, 5, 1], size: [4, 2, 3], yaw: Math.PI / 6 };
@@ -23,6 +24,12 @@ test('the planes of a box hold what the box holds', () => {
     inside += held ? 1 : 0;
   }
   assert.ok(inside > 20 && inside < 1900, `${inside}`);
+});
+
+test('the area of a box holds its corners and touches them', () => {
+  const { min, max } = areaOf(kBox);
+  const reach = [2 * kCos + 1 * kSin, 2 * kSin + 1 * kCos];
+  assert.ok(near(min, [10 - reach[0], 5 - reach[1]]) && near(max, [10 + reach[0], 5 + reach[1]]), `${min} ${max}`);
 });
 
 test('the handles of a box are the middles of its faces and its own', () => {

@@ -208,8 +208,8 @@ test('a decision about an object replaces the one before and leaves the others',
   assert.equal(decisionsOf([{ action: 'keep', object: { centre: [5, 2, 0], class: 'van' } }], [kCar]).size, 0);
 });
 
-test('a picture has its origin amid the tiles, however far these are from the origin of the map', () => {
-  const tile = (x, y) => ({ min: [x, y, 3], max: [x + 20, y + 19.5, 4] });
-  assert.deepEqual(sceneOrigin([100.25, 200, 7], [tile(1_000_000, -40), tile(1_000_200, 80)]), [1_000_210.25, 230, 7]);
-  assert.deepEqual(sceneOrigin([1, 2, 3], []), [1, 2, 3]);
+test('a picture has its origin amid the points, however far these are from the origin of the map', () => {
+  const bounds = { min: [1_000_000, -40, 3], max: [1_000_220, 99.5, 4] };
+  assert.deepEqual(sceneOrigin([100.25, 200, 7], bounds), [1_000_210.25, 230, 7]);
+  assert.deepEqual(sceneOrigin([1, 2, 3], undefined), [1, 2, 3]);
 });

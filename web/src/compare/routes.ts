@@ -23,9 +23,9 @@ export async function aboutVersion(map: string, version: string, signal: AbortSi
   return {
     name: version,
     origin,
-    scene_origin: sceneOrigin(origin, about.tiles ?? []),
+    scene_origin: sceneOrigin(origin, about.bounds),
     voxel_size_m: about.voxel_size_m ?? 0.1,
-    points: (about.tiles ?? []).reduce((sum, tile) => sum + tile.points, 0),
+    points: about.points ?? 0,
   };
 }
 

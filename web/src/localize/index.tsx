@@ -43,12 +43,13 @@ async function load(map: string, version: string | undefined, signal: AbortSigna
   const about = version === undefined
     ? (await ask('get', '/v1/maps/{map}', { path: { map }, signal })).data
     : (await ask('get', '/v1/maps/{map}/versions/{version}', { path: { map, version }, signal })).data;
-  const { origin, tiles, voxel_size_m, tile_size_m } = about;
+  const { origin, voxel_size_m, tile_size_m, bounds } = about;
   const name = version ?? about.version;
-  if (name === null || origin === undefined || tiles === undefined) return null;
+  if (name === null || origin === undefined) return null;
   const { data: { poses } } = await ask('get', '/v1/maps/{map}/versions/{version}/trajectory', { path: { map, version: name }, signal });
   return {
-    name: map, version: name, origin: origin as Loaded['origin'], tiles, voxel_size_m: voxel_size_m ?? 0.1, tile_size_m: tile_size_m ?? 20,
+    name: map, version: name, origin: origin as Loaded['origin'], voxel_size_m: voxel_size_m ?? 0.1, tile_size_m: tile_size_m ?? 20,
+    bounds,
     geodetic: about.geodetic_origin !== undefined, poses: poses as unknown as Pose[],
   };
 }

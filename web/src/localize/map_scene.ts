@@ -1,13 +1,14 @@
 import * as THREE from 'three';
 import { versionPath } from '../api/client.js';
 import { send } from '../api/send.js';
+import { listTiles } from '../api/tiles.js';
 import type { Rgb } from '../scene/colour_maps.js';
 import { shareHeights } from '../scene/height_range.js';
 import { MapCloud } from '../scene/map_cloud.js';
 import { rgbOf } from '../scene/painted_points.js';
 import { cornerOf } from '../scene/point_layout.js';
-import type { RegionTile } from '../scene/region.js';
 import type { Scene } from '../scene/scene.js';
+import type { MapBounds } from '../scene/scene_origin.js';
 import type { Trouble } from '../scene/tile_source.js';
 import { add, subtract, type Theme } from '../scene/types.js';
 import type { Answer } from './answer.js';
@@ -26,7 +27,7 @@ export interface ShownMap {
   origin: Vec3;
   voxel_size_m: number;
   tile_size_m: number;
-  tiles: readonly RegionTile[];
+  bounds?: MapBounds | undefined;
 }
 
 /** Scan points further from the sensor than this are not compared with the map [m]. */
@@ -212,7 +213,10 @@ export class MapScene {
 
   private async paintResidual(pose: Pose, signal: AbortSignal): Promise<void> {
     const place = [pose.position[0] - this.map.origin[0], pose.position[1] - this.map.origin[1]] as const;
-    const wanted = tilesAround(this.map.tiles, place, kResidualReach_m, this.map.tile_size_m);
+    const [x, y, reach] = [...place, kResidualReach_m];
+    const listed = await listTiles({ map: this.map.name, version: this.map.version },
+      { min: [x - reach, y - reach], max: [x + reach, y + reach] }, signal);
+    const wanted = tilesAround(listed, place, reach, this.map.tile_size_m);
     const left = [...wanted];
     const next = async (): Promise<void> => {
       for (let tile = left.pop(); tile !== undefined && !signal.aborted; tile = left.pop()) await this.tile(tile.x, tile.y);

@@ -36,7 +36,7 @@ const wantsStill = (): boolean => window.matchMedia('(prefers-reduced-motion: re
 export function Workplace({ map, place, geodetic, poses = kNoPoses, query }: Props) {
   const localizer = useMemo(() => new Localizer(place, wantsStill), []);
   useEffect(() => () => localizer.dispose(), []);
-  const origin = useMemo(() => sceneOrigin(map.origin, map.tiles), [map]);
+  const origin = useMemo(() => sceneOrigin(map.origin, map.bounds), [map]);
   const [scene, setScene] = useState<Scene>();
   const [trouble, setTrouble] = useState<TileTrouble>();
   const mapScene = useMapScene(scene, map, poses, localizer, setTrouble);

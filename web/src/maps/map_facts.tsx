@@ -15,7 +15,7 @@ export function MapFacts({ name, active }: { name: string; active: string | unde
   }
   const facts: [string, string | undefined][] = [
     ['Area', map?.area_m2 === undefined ? undefined : area(map.area_m2)],
-    ['Points', map?.tiles === undefined ? undefined : number(map.tiles.filter(({ level }) => level === 0).reduce((sum, { points }) => sum + points, 0))],
+    ['Points', map?.points === undefined ? undefined : number(map.points)],
     ['Size', map?.bytes === undefined ? undefined : bytes(map.bytes)],
     ['Voxel', map?.voxel_size_m === undefined ? undefined : `${map.voxel_size_m} m`],
     ['Objects removed', map?.objects === undefined ? undefined : number(map.objects)],

@@ -1,4 +1,4 @@
-import { mayTouch, type Box } from './clip_box.js';
+import { corners, mayTouch, type Box } from './clip_box.js';
 import { cornerOf, readPoints, type Points } from './point_layout.js';
 import type { Vec3 } from './types.js';
 
@@ -15,6 +15,12 @@ export interface RegionTile {
 /** Most points that are loaded into the browser at once: some 400 MB. */
 export const kRegionLimit = 20_000_000;
 const kAtOnce = 4;
+
+/** What a box covers of the ground. */
+export function areaOf(box: Box): { min: [number, number]; max: [number, number] } {
+  const [xs, ys] = [0, 1].map((axis) => corners(box).map((corner) => corner[axis] as number)) as [number[], number[]];
+  return { min: [Math.min(...xs), Math.min(...ys)], max: [Math.max(...xs), Math.max(...ys)] };
+}
 
 /** Tiles of full resolution that may have points in the box (relative to the map's origin); all without one. */
 export function tilesOf(tiles: readonly RegionTile[], box: Box | undefined): RegionTile[] {

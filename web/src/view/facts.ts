@@ -3,8 +3,8 @@ import { ApiError } from '../api/errors.js';
 import { send } from '../api/send.js';
 import type { Geodetic } from '../scene/geodetic.js';
 import type { GridHead } from '../scene/grid_map.js';
-import type { RegionTile } from '../scene/region.js';
 import { gather, type SeenObject } from '../scene/seen_objects.js';
+import type { MapBounds } from '../scene/scene_origin.js';
 import type { Loop, TrackPose } from '../scene/track_layer.js';
 import type { Vec3 } from '../scene/types.js';
 
@@ -15,7 +15,7 @@ export interface MapFacts {
   readonly origin: Vec3;
   readonly geodetic_origin?: Geodetic;
   readonly voxel_size_m: number;
-  readonly tiles: readonly RegionTile[];
+  readonly bounds: MapBounds | undefined;
 }
 
 /** What is drawn in addition to the points. */
@@ -31,11 +31,11 @@ export interface MapSigns {
 export async function loadFacts(name: string, version: string | undefined, signal: AbortSignal): Promise<MapFacts> {
   const { data } = version === undefined ? await ask('get', '/v1/maps/{map}', { path: { map: name }, signal })
     : await ask('get', '/v1/maps/{map}/versions/{version}', { path: { map: name, version }, signal });
-  const { origin, tiles, voxel_size_m, geodetic_origin } = data;
-  if (data.version === null || origin === undefined || tiles === undefined || voxel_size_m === undefined) {
+  const { origin, voxel_size_m, geodetic_origin, bounds } = data;
+  if (data.version === null || origin === undefined || voxel_size_m === undefined) {
     throw new ApiError('garbled', `The map “${name}” has no active version yet. Activate one on the map’s page.`);
   }
-  return { name, version: data.version, origin: origin as unknown as Vec3, tiles, voxel_size_m, ...(geodetic_origin && { geodetic_origin }) };
+  return { name, version: data.version, origin: origin as unknown as Vec3, voxel_size_m, bounds, ...(geodetic_origin && { geodetic_origin }) };
 }
 
 export async function loadSigns({ name, version }: MapFacts, signal: AbortSignal): Promise<MapSigns> {

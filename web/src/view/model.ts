@@ -66,7 +66,7 @@ export class ViewerModel {
   /** @throws Error if the browser has no WebGL 2. */
   constructor(canvas: HTMLCanvasElement, readonly facts: MapFacts, state: ViewState, private theme_: Theme) {
     this.options = new Store(optionsOf(state));
-    this.scene = new Scene(canvas, theme_, sceneOrigin(facts.origin, facts.tiles));
+    this.scene = new Scene(canvas, theme_, sceneOrigin(facts.origin, facts.bounds));
     const { origin } = this.scene;
     this.cloud = new MapCloud({
       tilesetUrl: `${versionPath(facts.name, facts.version)}/3dtiles/tileset.json`,

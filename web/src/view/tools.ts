@@ -1,11 +1,12 @@
 import { versionPath } from '../api/client.js';
 import { isAborted, toApiError } from '../api/errors.js';
 import { send } from '../api/send.js';
+import { listTiles } from '../api/tiles.js';
 import { boxOverDiagonal, contains, type Box, type ClipMode } from '../scene/clip_box.js';
 import { exportPoints, type ExportFormat } from '../scene/export_points.js';
 import { coordinateOf, select, type Points } from '../scene/point_layout.js';
 import type { PointerPlace, Tool } from '../scene/pointers.js';
-import { fetchRegion, tilesOf } from '../scene/region.js';
+import { areaOf, fetchRegion, kRegionLimit, tilesOf } from '../scene/region.js';
 import { boxOf, extentOf, lengthOf, profileOf, type Profile, type Section } from '../scene/section.js';
 import type { SketchLayer } from '../scene/sketch_layer.js';
 import { kKinds, subtract, type Kind, type Vec3 } from '../scene/types.js';
@@ -224,11 +225,13 @@ export class Tools {
       contains(own, coordinateOf(tile, i, 0), coordinateOf(tile, i, 1), coordinateOf(tile, i, 2)) !== outside)));
   }
 
-  private fetch(box: Box | undefined, signal: AbortSignal): Promise<Points[]> {
+  private async fetch(box: Box | undefined, signal: AbortSignal): Promise<Points[]> {
     const { facts } = this.model_;
-    const tiles = tilesOf(facts.tiles, box && { ...box, centre: this.inMap(box.centre) });
+    const own = box && { ...box, centre: this.inMap(box.centre) };
     const path = versionPath(facts.name, facts.version);
     this.work.set({ state: 'busy', share: 0 });
+    const listed = await listTiles({ map: facts.name, version: facts.version }, own && areaOf(own), signal, kRegionLimit);
+    const tiles = tilesOf(listed, own);
     return fetchRegion(
       tiles,
       async ({ level, x, y }) => (await send('GET', `${path}/tiles/${level}/${x}/${y}`, { signal, timeoutS: 120 })).arrayBuffer(),

@@ -40,16 +40,17 @@ struct BatchOptions {
   int max_scans = 64;
 };
 
+/// What bounds an upload of any size is the free disk, the quotas and the ratio.
 struct UploadOptions {
-  /// Largest package or map file as it travels [bytes].
-  std::int64_t max_package_bytes = std::int64_t{16} << 30U;
-  /// Most files in one package.
-  int max_entries = 200'000;
+  /// Largest package or map file as it travels [bytes]; 0 = no bound.
+  std::int64_t max_package_bytes = 0;
+  /// Most files in one package; 0 = no bound.
+  int max_entries = 0;
   /// Unpacked bytes for each byte that travelled; beyond it the upload is a bomb. Point clouds pack
   /// to a third at best, JSON to a tenth.
   double max_unpacked_ratio = 20.0;
-  /// Largest drive, all its parts together [bytes].
-  std::int64_t max_drive_bytes = std::int64_t{256} << 30U;
+  /// Largest drive, all its parts together [bytes]; 0 = no bound.
+  std::int64_t max_drive_bytes = 0;
   /// Uploads that are under way at one time; beyond it the answer is 503.
   int max_open = 16;
 };
