@@ -325,7 +325,10 @@ async function far(run) {
     const [px, py, pz] = await readOut(page, x, y);
     return [px - moved, py, pz];
   };
-  const off = apart(await under(here), await under(there));
+  const found = await under(there);
+  const nearest = points.reduce((least, { place }) => Math.min(least, apart(place, found)), Infinity);
+  run.expect(nearest < 0.02, `the coordinates under the pointer are a point of it: ${nearest.toFixed(3)} m`);
+  const off = apart(await under(here), found);
   run.expect(off < 0.011, `and the same point is under the pointer: ${off.toFixed(3)} m`);
 }
 
