@@ -194,6 +194,8 @@ struct RegionTiles {
   std::vector<maps::TileId> own;
   /// These and those that touch them, in order.
   std::vector<maps::TileId> with_rim;
+  /// Of these, those that other regions need, too.
+  std::set<maps::TileId> shared;
 };
 
 /// By x, then y of the region. @param ids  in order.
@@ -201,12 +203,16 @@ std::vector<RegionTiles> regions_of(const std::vector<maps::TileId>& ids) {
   std::map<maps::RegionId, RegionTiles> regions;
   for (const maps::TileId id : ids) regions[maps::region_of(id)].own.push_back(id);
   for (const maps::TileId id : ids) {
-    std::set<maps::RegionId> touched;
-    for (int step = 0; step < 9; ++step)
-      touched.insert(maps::region_of({id.level, id.x + step % 3 - 1, id.y + step / 3 - 1}));
-    for (const maps::RegionId region : touched)
-      if (const auto found = regions.find(region); found != regions.end())
-        found->second.with_rim.push_back(id);
+    std::set<RegionTiles*> touched;
+    for (int step = 0; step < 9; ++step) {
+      const auto found =
+          regions.find(maps::region_of({id.level, id.x + step % 3 - 1, id.y + step / 3 - 1}));
+      if (found != regions.end()) touched.insert(&found->second);
+    }
+    for (RegionTiles* region : touched) {
+      region->with_rim.push_back(id);
+      if (touched.size() > 1) region->shared.insert(id);
+    }
   }
   std::vector<RegionTiles> in_order;
   for (auto& [region, tiles] : regions) in_order.push_back(std::move(tiles));
@@ -260,7 +266,7 @@ void finish_tiles(Build& build) {
     build.tell("tiles", ++done, ids.size());
   };
   for (const RegionTiles& region : regions_of(ids)) {
-    TileWindow window(build.placed->stack, *build.grid, region.with_rim);
+    TileWindow window(build.placed->stack, *build.grid, region.with_rim, region.shared);
     for (auto begin = region.own.begin(); begin != region.own.end();) {
       const std::int32_t x = begin->x;
       const auto end =

@@ -22,7 +22,7 @@ void TileWindow::move_to(std::int32_t x, int threads) {
       wanted.size(), threads,
       [&](std::size_t i) {
         OpenTile tile;
-        tile.sums = stack_.read(wanted[i]);
+        tile.sums = kept_.contains(wanted[i]) ? stack_.read(wanted[i]) : stack_.take(wanted[i]);
         tile.points = cleaning_points(grid_, wanted[i], tile.sums, tile.numbers);
         return std::pair(wanted[i], std::move(tile));
       },

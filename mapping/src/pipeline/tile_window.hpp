@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -31,8 +32,10 @@ struct OpenTile {
 class TileWindow {
  public:
   /// @param tiles  of a region and of the rim of one tile around it, in order.
-  TileWindow(const TileStack& stack, const VoxelGrid& grid, std::vector<maps::TileId> tiles)
-      : stack_(stack), grid_(grid), tiles_(std::move(tiles)) {}
+  /// @param kept   of these, those that stay on the stack; the others are taken off it.
+  TileWindow(TileStack& stack, const VoxelGrid& grid, std::vector<maps::TileId> tiles,
+             std::set<maps::TileId> kept)
+      : stack_(stack), grid_(grid), tiles_(std::move(tiles)), kept_(std::move(kept)) {}
 
   /// Reads the columns x - 1 to x + 1, and lets go of those before. @param x  rises from call to
   /// call. @throws maps::StorageError.
@@ -44,9 +47,10 @@ class TileWindow {
   [[nodiscard]] CleaningPoints with_rim(maps::TileId id, double rim_m) const;
 
  private:
-  const TileStack& stack_;
+  TileStack& stack_;
   const VoxelGrid& grid_;
   std::vector<maps::TileId> tiles_;
+  std::set<maps::TileId> kept_;
   /// Those that were read or are to be passed over.
   std::size_t passed_ = 0;
   std::map<maps::TileId, OpenTile> open_;
