@@ -63,8 +63,7 @@ std::vector<Eigen::Isometry3d> seen_from(const maps::MapPackage& map) {
 
 std::unique_ptr<Aligner> make_aligner(std::string_view method, const maps::MapPackage& map,
                                       const LocalizationOptions& options) {
-  if (method == "default")
-    return make_aligner(method, MapIndex::open(map), {}, options);
+  if (method == "default") return make_aligner(method, MapIndex::open(map), {}, options);
   for (const NamedReference& reference : kReferences) {
     if (reference.name != method) continue;
     return std::make_unique<ReferenceAligner>(MapPoints::build(map, reference.method().map_leaf_m),
