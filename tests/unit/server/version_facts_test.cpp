@@ -135,22 +135,26 @@ TEST_F(VersionList, TellsHowEachWasMade) {
 
 TEST_F(VersionList, TellsFormerDigestsOfAMigratedPackage) {
   PackageStore& store = store_.open();
+  const std::string former = test::write_package(folder_.path() / "old", 3, 100, {}, 1);
+  store.add("town", "old", folder_.path() / "old");
+  store.activate("town", "old");
   test::write_package(folder_.path() / "package", 1, 100,
-                      maps::Registration{.previous_digest = store_.digest()});
+                      maps::Registration{.previous_digest = former}, 1);
   store.add("town", "v2", folder_.path() / "package");
   migrate_store(store, plan_migration(store));
   start();
   const nlohmann::json versions = body(get("/v1/maps/town/versions"))["versions"];
-  ASSERT_EQ(versions.size(), 2U);
-  EXPECT_EQ(versions[0]["former_digests"], nlohmann::json{store_.digest()});
-  EXPECT_NE(versions[0]["digest"], store_.digest());
-  EXPECT_EQ(versions[1]["registered_to"], versions[0]["digest"]);
-  EXPECT_EQ(versions[1]["frame"], versions[0]["frame"]);
+  ASSERT_EQ(versions.size(), 3U);
+  const nlohmann::json& old = versions[1];
+  EXPECT_EQ(old["former_digests"], nlohmann::json{former});
+  EXPECT_NE(old["digest"], former);
+  EXPECT_EQ(versions[2]["registered_to"], old["digest"]);
+  EXPECT_EQ(versions[2]["frame"], old["frame"]);
   const nlohmann::json town = body(get("/v1/maps/town"));
-  EXPECT_EQ(town["digest"], versions[0]["digest"]);
-  EXPECT_EQ(town["former_digests"], versions[0]["former_digests"]);
+  EXPECT_EQ(town["digest"], old["digest"]);
+  EXPECT_EQ(town["former_digests"], old["former_digests"]);
   EXPECT_EQ(body(get("/v1/maps/town/versions/v2"))["registration"]["previous_digest"],
-            versions[0]["digest"]);
+            old["digest"]);
 }
 
 TEST_F(VersionList, SaysWhichCannotBeReadAndListsTheOthers) {
