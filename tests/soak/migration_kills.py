@@ -173,7 +173,7 @@ def main():
     dice = random.Random(arguments.seed)
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        packages, scan = make_packages(arguments.packages, folder / "packages", 3)
+        packages, scan = make_packages(arguments.packages, folder / "packages", 3, schema=1)
         template, headers = make_store(arguments.program, folder, packages, folder / "packages" / "drive")
         trial = Trial(arguments.program, template, Injector(folder / "nth_call", arguments.injector))
         calls, end = trial.calls(folder)

@@ -28,9 +28,9 @@ class Package:
         self.headers = {"Content-Type": "application/x-tar", **digest_header(self.tar)}
 
 
-def make_packages(maker, folder, count):
+def make_packages(maker, folder, count, schema=2):
     """@return the packages, and a scan of their street as the bytes of a request."""
-    subprocess.run([maker, folder, str(count)], check=True, timeout=120)
+    subprocess.run([maker, folder, str(count), str(schema)], check=True, timeout=120)
     return [Package(folder / str(i + 1)) for i in range(count)], (folder / "scan.bin").read_bytes()
 
 

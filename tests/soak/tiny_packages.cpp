@@ -30,7 +30,7 @@ stillmap::test::ScanPattern pattern(std::uint64_t seed) {
   return {.rings = 32, .columns = 360, .noise_m = 0.02, .seed = seed};
 }
 
-void write_package(const fs::path& target, int seed) {
+void write_package(const fs::path& target, int seed, int schema) {
   std::vector<Eigen::Isometry3d> poses;
   for (double x = 50.0; x <= 70.0; x += 2.5) poses.push_back(pose_at(x, 0.0, 0.0));
   const std::vector<Eigen::Vector3d> points = stillmap::test::street(21).mapped_from(
@@ -49,7 +49,7 @@ void write_package(const fs::path& target, int seed) {
                                                  .kind = maps::PointKind::kMeasured,
                                                  .object = 0});
   }
-  maps::MapPackageWriter writer(target, {}, 1);
+  maps::MapPackageWriter writer(target, {}, schema);
   for (const auto& [id, tile] : tiles)
     writer.add_tile({.level = 0, .x = id.first, .y = id.second}, tile);
   std::vector<maps::StampedPose> drive;
@@ -91,15 +91,15 @@ void write_drive(const fs::path& folder) {
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count != 3) {
-    std::cerr << "usage: tiny_packages FOLDER COUNT\n";
+  if (count != 4) {
+    std::cerr << "usage: tiny_packages FOLDER COUNT SCHEMA\n";
     return 2;
   }
   try {
     const fs::path folder = arguments[1];
     fs::create_directories(folder);
     for (int seed = 1; seed <= std::stoi(arguments[2]); ++seed)
-      write_package(folder / std::to_string(seed), seed);
+      write_package(folder / std::to_string(seed), seed, std::stoi(arguments[3]));
     write_scan(folder / "scan.bin", pose_at(60.0, 0.0, 0.0), 7);
     write_drive(folder / "drive");
   } catch (const std::exception& error) {

@@ -137,9 +137,9 @@ class IndexParser {
 
 /// The checksum of its directory is no proof against a file that was made on purpose.
 CellBlocks::Part level_part(const IndexParser& parser, std::uint32_t level, double edge_m) {
-  const CellBlocks::Part part{.tiles = parser.checked_items<CellBlocks::Tile>(Kind::kTiles, level),
-                              .slots = parser.items<CellBlocks::Slot>(Kind::kSlots, level),
-                              .voxels = parser.items<Voxel>(Kind::kVoxels, level)};
+  CellBlocks::Part part{.tiles = parser.checked_items<CellBlocks::Tile>(Kind::kTiles, level),
+                        .slots = parser.items<CellBlocks::Slot>(Kind::kSlots, level),
+                        .voxels = parser.items<Voxel>(Kind::kVoxels, level)};
   if (part.voxels.size() >= std::numeric_limits<std::uint32_t>::max())
     parser.refuse("too many voxels", "fewer than 2^32 - 1");
   const int side = cells_of_region(edge_m) >> tile_shift_of(edge_m);
@@ -159,8 +159,8 @@ CellBlocks::Part level_part(const IndexParser& parser, std::uint32_t level, doub
 }
 
 CellBits::Part place_grid_part(const IndexParser& parser, std::uint32_t grid) {
-  const CellBits::Part part{.tiles = parser.checked_items<std::uint32_t>(Kind::kGridTiles, grid),
-                            .words = parser.items<std::uint64_t>(Kind::kGridWords, grid)};
+  CellBits::Part part{.tiles = parser.checked_items<std::uint32_t>(Kind::kGridTiles, grid),
+                      .words = parser.items<std::uint64_t>(Kind::kGridWords, grid)};
   const std::size_t side = RegionColumns::tiles(kPlaceGrids[grid].edge_m);
   const bool good = part.tiles.size() == side * side &&
                     std::all_of(part.tiles.begin(), part.tiles.end(), [&](std::uint32_t first) {

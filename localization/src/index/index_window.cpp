@@ -19,7 +19,7 @@ std::int32_t floor_of(maps::RegionId middle, const IndexWindow::Regions& regions
 
 IndexWindow::IndexWindow(const Eigen::Vector3d& origin_map, maps::RegionId middle, Regions regions,
                          const MapIndexOptions& options)
-    : regions_(std::move(regions)) {
+    : regions_(std::move(regions)), middle_(middle) {
   const std::int32_t floor = floor_of(middle, regions_);
   const Eigen::Vector2d corner = corner_of(middle);
   origin_ = origin_map + Eigen::Vector3d(corner.x(), corner.y(), kRegionM * floor);
@@ -35,15 +35,21 @@ IndexWindow::IndexWindow(const Eigen::Vector3d& origin_map, maps::RegionId middl
     levels_.push_back({static_cast<float>(edge_m),
                        CellBlocks(parts, tile_shift_of(edge_m), static_cast<float>(edge_m))});
   }
-  for (std::size_t grid = 0; grid < kPlaceGrids.size(); ++grid) {
-    std::vector<CellBits::Part> parts;
-    for (const auto& [id, region] : regions_) {
-      parts.push_back(region->view.place_grids[grid]);
-      parts.back().x = static_cast<std::uint32_t>(id.x - middle.x + 1);
-      parts.back().y = static_cast<std::uint32_t>(id.y - middle.y + 1);
+}
+
+const std::vector<CellBits>& IndexWindow::place_grids() const {
+  std::call_once(grids_made_, [this] {
+    for (std::size_t grid = 0; grid < kPlaceGrids.size(); ++grid) {
+      std::vector<CellBits::Part> parts;
+      for (const auto& [id, region] : regions_) {
+        parts.push_back(region->view.place_grids[grid]);
+        parts.back().x = static_cast<std::uint32_t>(id.x - middle_.x + 1);
+        parts.back().y = static_cast<std::uint32_t>(id.y - middle_.y + 1);
+      }
+      place_grids_.emplace_back(kPlaceGrids[grid].edge_m, parts);
     }
-    place_grids_.emplace_back(kPlaceGrids[grid].edge_m, parts);
-  }
+  });
+  return place_grids_;
 }
 
 }  // namespace stillmap::localization

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include <memory>
+#include <mutex>
 #include <utility>
 #include <vector>
 
@@ -31,8 +32,9 @@ class IndexWindow {
   [[nodiscard]] const Eigen::Vector3d& origin() const { return origin_; }
   /// Coarse to fine.
   [[nodiscard]] const std::vector<MapIndex::Level>& levels() const { return levels_; }
-  /// Occupied columns for the search without a prior, from wide to fine.
-  [[nodiscard]] const std::vector<CellBits>& place_grids() const { return place_grids_; }
+  /// Occupied columns for the search without a prior, from wide to fine; made when they are first
+  /// asked for.
+  [[nodiscard]] const std::vector<CellBits>& place_grids() const;
 
   [[nodiscard]] Eigen::Isometry3d from_map(Eigen::Isometry3d T_map_lidar) const {
     T_map_lidar.translation() -= origin_;
@@ -46,9 +48,11 @@ class IndexWindow {
  private:
   /// Keeps the bytes that the levels and grids look into.
   Regions regions_;
+  maps::RegionId middle_;
   Eigen::Vector3d origin_;
   std::vector<MapIndex::Level> levels_;
-  std::vector<CellBits> place_grids_;
+  mutable std::once_flag grids_made_;
+  mutable std::vector<CellBits> place_grids_;
 };
 
 }  // namespace stillmap::localization
