@@ -82,7 +82,7 @@ class CellBlocks {
     std::uint32_t voxel_count = 0;
   };
 
-  /// Some of eight voxels, each with its tile.
+  /// Some of eight voxels, each with its tile; only the first `count` are set.
   struct Eight {
     std::array<const Voxel*, 8> voxels;
     std::array<const TileView*, 8> tiles;

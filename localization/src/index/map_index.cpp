@@ -312,8 +312,7 @@ void MapIndex::build_from(const maps::MapPackage& map) {
 std::shared_ptr<const MapIndex> MapIndex::build(const std::vector<Eigen::Vector3d>& points_map,
                                                 const MapIndexOptions& options) {
   require_usable(options);
-  std::shared_ptr<MapIndex> index(
-      new MapIndex(points_map.empty() ? Eigen::Vector3d::Zero() : origin_of(points_map), options));
+  std::shared_ptr<MapIndex> index(new MapIndex(origin_of(points_map), options));
   index->regions_ = std::make_unique<Regions>(options, std::filesystem::path());
   const IndexKey key{"", options};
   std::vector<Eigen::Vector3d> points;

@@ -110,6 +110,14 @@ TEST_F(Routes, MapTellsItsFrameTilesAndCounts) {
   EXPECT_EQ(map["objects"], 1);
   EXPECT_EQ(map["poses"], 2);
   EXPECT_EQ(map["tiles"], 2);
+  EXPECT_THAT(
+      map["bounds"]["min"].get<std::vector<double>>(),
+      ElementsAre(DoubleNear(-0.75, test::kOffByStepsM), DoubleNear(2.25, test::kOffByStepsM),
+                  DoubleNear(3.0, test::kOffByStepsM)));
+  EXPECT_THAT(
+      map["bounds"]["max"].get<std::vector<double>>(),
+      ElementsAre(DoubleNear(4.25, test::kOffByStepsM), DoubleNear(5.25, test::kOffByStepsM),
+                  DoubleNear(6.0, test::kOffByStepsM)));
 }
 
 TEST_F(Routes, TilesAreListedPartByPart) {
