@@ -44,7 +44,8 @@ POSES = {("POST", f"/v1/maps/{{map}}/{what}") for what in (
 READS = {("GET", f"/v1/maps/{{map}}/{what}") for what in (
     "ready", "stats", "versions", "versions/{version}", "versions/{version}/content", "versions/{version}/preview",
     "versions/{version}/trajectory", "versions/{version}/graph", "versions/{version}/layers/{layer}",
-    "versions/{version}/layers/{layer}/{band}", "versions/{version}/objects", "versions/{version}/tiles/{level}/{x}/{y}",
+    "versions/{version}/layers/{layer}/{band}", "versions/{version}/objects", "versions/{version}/tiles",
+    "versions/{version}/tiles/{level}/{x}/{y}",
     "versions/{version}/3dtiles/tileset.json", "versions/{version}/3dtiles/{level}/{x}/{y}.glb",
     "versions/{version}/3dtiles/{level}/{x}/{y}.json", "versions/{version}/difference/{other}",
     "versions/{version}/difference/{other}/{side}/{x}/{y}.glb", "tiles/{level}/{x}/{y}")} | {
