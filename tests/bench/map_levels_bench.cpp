@@ -62,7 +62,7 @@ void print_levels(const MapPackage& map, const MapLevels& levels) {
     points.at(tile.id.level) += tile.points;
     ++tiles.at(tile.id.level);
   };
-  for (const TileEntry& tile : map.manifest().tiles) count(tile);
+  for (const TileEntry& tile : map.tiles()) count(tile);
   for (const TileEntry& tile : levels.tiles()) count(tile);
   for (std::size_t level = 0; level < points.size(); ++level) {
     fmt::print("level {:>2} {:>12} points {:>6} tiles {:>14} bytes\n", level, points[level],
@@ -74,7 +74,7 @@ void run(const std::filesystem::path& folder, const std::filesystem::path& other
   const auto map = MapPackage::open(folder);
   std::uint32_t sum = 0;
   const Seconds reading = fastest(repeat, [&] {
-    for (const TileEntry& tile : map->manifest().tiles) {
+    for (const TileEntry& tile : map->tiles()) {
       const std::vector<MapPoint> points = map->tile(tile.id).points_from(corner_of(tile.id));
       sum ^= crc32c(std::as_bytes(std::span(points)));
     }

@@ -68,7 +68,7 @@ void require_canonical(const maps::MapManifest& manifest) {
 /// @return something, for `taken`.
 bool open_and_read() {
   const auto package = maps::MapPackage::open(package_folder());
-  for (const maps::TileEntry& tile : package->manifest().tiles) {
+  for (const maps::TileEntry& tile : package->tiles()) {
     fuzz::require(package->tile(tile.id).size() == tile.points, "a tile has its points");
     const std::size_t known = package->history(tile.id).size();
     fuzz::require(known == 0 || known == tile.points, "a history a point");

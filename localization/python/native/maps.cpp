@@ -89,7 +89,7 @@ void add_tile(const MapPackage& map, maps::TileId id, const Region& region, Colu
 
 Columns columns_in(const MapPackage& map, const Region& region) {
   Columns columns;
-  for (const maps::TileEntry& tile : map.manifest().tiles)
+  for (const maps::TileEntry& tile : map.tiles())
     if (tile.id.level == 0 && region.meets(map.manifest().bounds_of(tile)))
       add_tile(map, tile.id, region, columns);
   return columns;
@@ -141,14 +141,14 @@ maps::TileId tile_id(std::int32_t x, std::int32_t y, std::uint32_t level) {
 }
 
 py::tuple bounds_of(const MapPackage& map) {
-  Eigen::Vector3d least = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-  Eigen::Vector3d most = -least;
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
-    const Eigen::AlignedBox3d bounds = map.manifest().bounds_of(tile);
-    least = least.cwiseMin(bounds.min());
-    most = most.cwiseMax(bounds.max());
-  }
-  return py::make_tuple(least, most);
+  const Eigen::AlignedBox3d& bounds = map.manifest().extent.from_origin;
+  const Eigen::Vector3d& origin = map.manifest().origin;
+  if (!bounds.isEmpty())
+    return py::make_tuple(Eigen::Vector3d(origin + bounds.min()),
+                          Eigen::Vector3d(origin + bounds.max()));
+  const Eigen::Vector3d nowhere =
+      Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  return py::make_tuple(nowhere, Eigen::Vector3d(-nowhere));
 }
 
 std::string manifest_text(const MapHandle& map) {
@@ -160,7 +160,7 @@ std::string manifest_text(const MapHandle& map) {
 
 py::list tiles_of(const MapHandle& map) {
   py::list tiles;
-  for (const maps::TileEntry& tile : map.package->manifest().tiles)
+  for (const maps::TileEntry& tile : map.package->tiles())
     if (tile.id.level == 0) tiles.append(py::make_tuple(tile.id.x, tile.id.y));
   return tiles;
 }

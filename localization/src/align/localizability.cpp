@@ -44,8 +44,7 @@ bool is_of_the_ground(maps::PointKind kind) { return kind != maps::PointKind::kM
 /// Lowest ground of each cell, relative to the map's origin.
 class GroundHeights {
  public:
-  explicit GroundHeights(const maps::MapPackage& map)
-      : map_(map), tiles_(maps::finest_tiles(map.manifest())) {
+  explicit GroundHeights(const maps::MapPackage& map) : map_(map), tiles_(maps::finest_tiles(map)) {
     side_ = maps::cells_per_side(tiles_.size(), kFinestPerSide);
   }
 

@@ -66,9 +66,8 @@ void require_voxels(const RootContent& root, const MapIndexOptions& options,
 
 /// Relative to the index's origin.
 Eigen::AlignedBox3d bounds_of(const maps::MapPackage& map, const MapIndexOptions& options) {
-  Eigen::AlignedBox3d bounds;
-  for (const maps::TileEntry& tile : map.manifest().tiles) bounds.extend(tile.from_origin());
-  return bounds.translated(Eigen::Vector3d(0.0, 0.0, below_origin_m(options)));
+  return map.manifest().extent.from_origin.translated(
+      Eigen::Vector3d(0.0, 0.0, below_origin_m(options)));
 }
 
 Eigen::Vector3d origin_of(const maps::MapPackage& map, const MapIndexOptions& options) {

@@ -154,7 +154,7 @@ RegionContent RegionBuilder::content() const {
 
 MapRegions::MapRegions(const maps::MapPackage& map, const MapIndexOptions& options)
     : map_(map), options_(options) {
-  for (const maps::TileEntry& entry : map.manifest().tiles)
+  for (const maps::TileEntry& entry : map.tiles())
     if (entry.id.level == 0) tiles_[maps::region_of(entry.id)].push_back(entry.id);
   for (auto& [region, tiles] : tiles_) std::sort(tiles.begin(), tiles.end());
 }

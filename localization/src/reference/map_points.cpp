@@ -193,7 +193,7 @@ std::shared_ptr<const MapPoints> MapPoints::build_from(const ForEachPoint& for_e
 
 std::shared_ptr<const MapPoints> MapPoints::build(const maps::MapPackage& map, double leaf_m) {
   const auto for_each_point = [&](const auto& visit) {
-    for (const maps::TileEntry& entry : map.manifest().tiles) {
+    for (const maps::TileEntry& entry : map.tiles()) {
       if (entry.id.level != 0) continue;
       for_each_measured_point(map, entry.id,
                               [&](const Eigen::Vector3d& p, const maps::MapPoint& /*point*/) {

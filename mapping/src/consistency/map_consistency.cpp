@@ -30,7 +30,7 @@ double SurfaceThickness::planar_share() const { return share_of(planar_cells, ce
 MapConsistency map_consistency(const maps::MapPackage& map, int threads,
                                const ProgressCallback& progress, const CancelFlag& cancel) {
   std::vector<maps::TileId> tiles;
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
+  for (const maps::TileEntry& tile : map.tiles()) {
     if (tile.id.level == 0) tiles.push_back(tile.id);
   }
   ConsistencySum sum;

@@ -65,7 +65,7 @@ maps::MapExportResult export_octomap(const maps::MapPackage& map,
   if (options.frame == maps::ExportFrame::kLocal) result.origin = maps::local_origin(map);
   octomap::OcTree tree(options.resolution_m.value_or(kResolutionM));
   std::size_t points = 0, done = 0;
-  const auto& tiles = map.manifest().tiles;
+  const std::vector<maps::TileEntry> tiles = map.tiles();
   for (const maps::TileEntry& tile : tiles) {
     if (tile.id.level == 0) points += add_tile(map, tile.id, options, result.origin, tree);
     if (tree.size() > kMostLeaves)

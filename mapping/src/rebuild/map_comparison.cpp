@@ -67,7 +67,7 @@ bool is_ground(maps::PointKind kind) { return kind != maps::PointKind::kMeasured
 
 template <typename Visit>
 void for_each_point(const maps::MapPackage& map, const CancelFlag& cancel, const Visit& visit) {
-  for (const maps::TileEntry& entry : map.manifest().tiles) {
+  for (const maps::TileEntry& entry : map.tiles()) {
     if (entry.id.level != 0) continue;
     if (cancel) throw Cancelled();
     const maps::MapTile tile = map.tile(entry.id);
@@ -184,7 +184,7 @@ std::map<maps::TileId, std::vector<maps::TileId>> tiles_under(
   const auto number = [](double metres) {
     return static_cast<std::int32_t>(std::floor(metres / maps::kTileSizeM));
   };
-  for (const maps::TileEntry& tile : previous.manifest().tiles) {
+  for (const maps::TileEntry& tile : previous.tiles()) {
     if (tile.id.level != 0) continue;
     const Eigen::AlignedBox3d bounds = previous.manifest().bounds_of(tile);
     Eigen::AlignedBox3d box;
@@ -288,7 +288,8 @@ StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map
   const std::vector<ScanTime> times = scan_times(keep);
   StaticLoss loss;
   std::size_t done = 0;
-  for (const maps::TileEntry& entry : keep.manifest().tiles) {
+  const std::vector<maps::TileEntry> entries = keep.tiles();
+  for (const maps::TileEntry& entry : entries) {
     if (entry.id.level != 0) continue;
     if (cancel) throw Cancelled();
     const maps::MapTile tile = keep.tile(entry.id);
@@ -304,7 +305,7 @@ StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map
       const Eigen::Vector3f p_local = (p_map - map.manifest().origin).cast<float>();
       if (!measured.any_within(p_local, far_m)) ++loss.lost;
     }
-    if (progress) progress("compare", ++done, keep.manifest().tiles.size());
+    if (progress) progress("compare", ++done, entries.size());
   }
   return loss;
 }
@@ -316,7 +317,7 @@ ConsistencyChange consistency_change(const maps::MapPackage& previous, const map
   if (previous.manifest().voxel_size_m != voxel_size_m) return {};
   const auto under = tiles_under(previous, map, T_map_previous);
   std::vector<maps::TileId> common;
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
+  for (const maps::TileEntry& tile : map.tiles()) {
     if (tile.id.level == 0 && under.contains(tile.id)) common.push_back(tile.id);
   }
   ConsistencyPair sum;

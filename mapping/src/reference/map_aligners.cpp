@@ -31,7 +31,7 @@ constexpr std::array<Reference, 3> kReferences{{
 
 std::vector<Eigen::Vector3d> measured_points(const maps::MapPackage& map) {
   std::vector<Eigen::Vector3d> points_map;
-  for (const maps::TileEntry& entry : map.manifest().tiles) {
+  for (const maps::TileEntry& entry : map.tiles()) {
     if (entry.id.level != 0) continue;
     const maps::MapTile tile = map.tile(entry.id);
     for (const maps::MapPoint& point : tile)

@@ -81,9 +81,9 @@ std::size_t cell_of(const TileId& tile, std::size_t cells_per_side, double x, do
   return along(y, tile.y) * cells_per_side + along(x, tile.x);
 }
 
-std::vector<TileId> finest_tiles(const MapManifest& manifest) {
+std::vector<TileId> finest_tiles(const MapPackage& map) {
   std::vector<TileId> tiles;
-  for (const TileEntry& tile : manifest.tiles)
+  for (const TileEntry& tile : map.tiles())
     if (tile.id.level == 0) tiles.push_back(tile.id);
   std::sort(tiles.begin(), tiles.end());
   return tiles;
@@ -91,7 +91,7 @@ std::vector<TileId> finest_tiles(const MapManifest& manifest) {
 
 std::optional<TileLayer> coverage_of(const MapPackage& map, const GoOn& go_on) {
   TileLayer layer;
-  layer.tiles = finest_tiles(map.manifest());
+  layer.tiles = finest_tiles(map);
   layer.cells_per_side = cells_per_side(layer.tiles.size(), kFinestPerSide);
   const std::size_t cells = layer.cells_per_tile();
   const std::vector<float> none(cells * layer.tiles.size(), kNone);

@@ -18,9 +18,8 @@ bool is_usable(const MapTile& tile, const MapPoint& point, const Eigen::AlignedB
 }  // namespace
 
 std::vector<TileEntry> point_tiles(const MapPackage& map) {
-  std::vector<TileEntry> tiles;
-  std::copy_if(map.manifest().tiles.begin(), map.manifest().tiles.end(), std::back_inserter(tiles),
-               [](const TileEntry& tile) { return tile.id.level == 0; });
+  std::vector<TileEntry> tiles = map.tiles();
+  std::erase_if(tiles, [](const TileEntry& tile) { return tile.id.level != 0; });
   return tiles;
 }
 

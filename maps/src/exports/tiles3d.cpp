@@ -55,7 +55,7 @@ void export_tiles3d(ExportJob& job) {
     TileFileWriter levels(job.target / "levels.tiles", "export");
     LevelWriter(map, levels, options.work, options.without).run();
     if (options.without.empty()) {
-      for (const TileEntry& tile : map.manifest().tiles) {
+      for (const TileEntry& tile : map.tiles()) {
         if (tile.id.level != 0) continue;
         tiles.push_back(tile);
         files.write(tile.id, "glb",

@@ -23,7 +23,7 @@ bool lies_in_file(const TileRow& row) { return row.offset > 0; }
 LevelWriter::LevelWriter(const MapPackage& map, TileFileWriter& writer, const DerivedWork& work,
                          const std::set<PointKind>& without)
     : map_(map), writer_(writer), work_(work) {
-  for (const TileEntry& tile : map.manifest().tiles) {
+  for (const TileEntry& tile : map.tiles()) {
     if (tile.id.level != 0) continue;
     TileRow row;
     row.x = tile.id.x;

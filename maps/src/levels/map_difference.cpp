@@ -105,10 +105,7 @@ std::vector<MapPoint> only_in(const ShiftedPoints& mine, const ShiftedPoints& th
 }
 
 std::uint64_t point_bytes(const MapPackage& map) {
-  std::uint64_t points = 0;
-  for (const TileEntry& tile : map.manifest().tiles)
-    if (tile.id.level == 0) points += tile.points;
-  return points * sizeof(MapPoint);
+  return map.manifest().extent.points * sizeof(MapPoint);
 }
 
 /// Files beyond those that are kept, the oldest first; the newest stays.

@@ -41,7 +41,7 @@ std::set<std::pair<std::int32_t, std::int32_t>> ShiftedPoints::tiles() const {
     return std::pair(tile_of(low + shift - kShiftRoundingM * std::abs(shift)),
                      tile_of(high + shift + kShiftRoundingM * std::abs(shift)));
   };
-  for (const TileEntry& tile : map_.manifest().tiles) {
+  for (const TileEntry& tile : map_.tiles()) {
     if (tile.id.level != 0) continue;
     const Eigen::AlignedBox3d box = tile.from_origin();
     const auto [x0, x1] = range(tile.id.x, box.min().x(), box.max().x(), shift_.x());

@@ -30,7 +30,7 @@ std::string uri_of(const std::string& base, TileId id, const char* ending) {
 
 std::vector<TileEntry> tiles_of(const MapPackage& map, const MapLevels& levels) {
   std::vector<TileEntry> tiles = levels.tiles();
-  for (const TileEntry& tile : map.manifest().tiles)
+  for (const TileEntry& tile : map.tiles())
     if (tile.id.level == 0) tiles.push_back(tile);
   return tiles;
 }

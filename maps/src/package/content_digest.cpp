@@ -90,7 +90,7 @@ void put_points(const MapPackage& map, ContentBytes& content) {
   DigestSum sum;
   Sha256 hash;
   ContentBytes point;
-  for (const TileEntry& entry : map.manifest().tiles) {
+  for (const TileEntry& entry : map.tiles()) {
     if (entry.id.level != 0) continue;
     const MapTile tile = map.tile(entry.id);
     const std::vector<PointHistory> histories = map.history(entry.id);

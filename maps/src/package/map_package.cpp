@@ -7,7 +7,9 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <iterator>
 #include <numeric>
+#include <set>
 #include <utility>
 
 #include <stillmap/maps/package_files.hpp>
@@ -85,18 +87,6 @@ MapTile tile_of(TileId id, const Eigen::Vector3d& origin, std::vector<MapPoint> 
   return {origin, corner, std::move(points)};
 }
 
-/// What `parse_manifest` cannot know of a package of schema 2.
-TileEntry entry_of(TileId id, const RegionTile& tile) {
-  const auto along = [](std::int32_t number, std::uint16_t step) {
-    return kTileSizeM * number + (step + 0.5) * kTileStepM;
-  };
-  const auto up = [&](std::int32_t step) { return tile.z_base_m + (step + 0.5) * kTileStepZM; };
-  return {.id = id,
-          .points = tile.points,
-          .min = {along(id.x, tile.min_xy[0]), along(id.y, tile.min_xy[1]), up(tile.min_z)},
-          .max = {along(id.x, tile.max_xy[0]), along(id.y, tile.max_xy[1]), up(tile.max_z)}};
-}
-
 /// A scan's number over all drives. @throws InputError for one that no drive has.
 std::uint32_t number_of(const SourceScan& scan, const MapManifest& manifest,
                         const std::string& name) {
@@ -128,12 +118,7 @@ std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   package->digest_ = sha256_of(text);
   for (const auto& [path, file] : package->manifest_.files) check_file(folder / path, file);
   if (package->manifest_.schema > 1) {
-    std::vector<RegionId> regions;
-    for (const auto& [path, listed] : package->manifest_.files)
-      if (const auto region = region_of_path(path)) regions.push_back(*region);
-    package->packs_ = std::make_unique<PackReader>(folder, regions);
-    for (const auto& [id, tile] : package->packs_->tiles())
-      package->manifest_.tiles.push_back(entry_of(id, tile));
+    package->packs_ = std::make_unique<PackReader>(folder, package->manifest_.files);
     return package;
   }
   for (const TileEntry& tile : package->manifest_.tiles) {
@@ -144,6 +129,43 @@ std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
     package->histories_.try_emplace(tile.id, folder / history->first);
   }
   return package;
+}
+
+void MapExtent::add(const TileEntry& tile) {
+  ++tiles;
+  from_origin.extend(tile.from_origin());
+  // Tiles of higher levels repeat the points of the finest.
+  if (tile.id.level != 0) return;
+  points += tile.points;
+  area_m2 += tile.from_origin().sizes().head<2>().prod();
+}
+
+std::vector<TileEntry> MapPackage::tiles() const {
+  if (!packs_) return manifest_.tiles;
+  std::vector<TileEntry> all;
+  all.reserve(manifest_.extent.tiles);
+  for (const RegionId region : packs_->regions())
+    for (const TileEntry& tile : packs_->tiles(region)) all.push_back(tile);
+  std::sort(all.begin(), all.end(),
+            [](const TileEntry& a, const TileEntry& b) { return a.id < b.id; });
+  return all;
+}
+
+std::vector<RegionId> MapPackage::regions() const {
+  if (packs_) return packs_->regions();
+  std::set<RegionId> regions;
+  for (const TileEntry& tile : manifest_.tiles)
+    if (tile.id.level == 0) regions.insert(region_of(tile.id));
+  return {regions.begin(), regions.end()};
+}
+
+std::vector<TileEntry> MapPackage::tiles(RegionId region) const {
+  if (packs_) return packs_->tiles(region);
+  std::vector<TileEntry> tiles;
+  std::copy_if(
+      manifest_.tiles.begin(), manifest_.tiles.end(), std::back_inserter(tiles),
+      [&](const TileEntry& tile) { return tile.id.level == 0 && region_of(tile.id) == region; });
+  return tiles;
 }
 
 bool MapPackage::has_tile(TileId id) const {

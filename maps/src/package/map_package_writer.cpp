@@ -151,11 +151,13 @@ std::string MapPackageWriter::publish(MapManifest manifest, const std::string& b
   if (fates_) std::exchange(fates_, nullptr)->finish();
   manifest.schema = schema_;
   manifest.drive_scans = drive_scans_;
-  if (packs_) packs_->finish();
-  manifest.tiles = tiles_;
+  if (packs_) tiles_ = packs_->finish();
   // Tiles may be added in any order; the digest must not tell.
-  std::sort(manifest.tiles.begin(), manifest.tiles.end(),
+  std::sort(tiles_.begin(), tiles_.end(),
             [](const TileEntry& a, const TileEntry& b) { return a.id < b.id; });
+  manifest.extent = {};
+  for (const TileEntry& tile : tiles_) manifest.extent.add(tile);
+  manifest.tiles = packs_ ? std::vector<TileEntry>{} : std::move(tiles_);
   manifest.files = hashed_files(folder_.path(), survivor_);
   const std::string text = manifest_text(manifest);
   // What we could not open ourselves must not become visible.

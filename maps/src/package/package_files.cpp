@@ -58,6 +58,26 @@ TileEntry tile_from(const JsonField& field) {
   return tile;
 }
 
+json to_json(const MapExtent& extent) {
+  json fields{{"tiles", extent.tiles}, {"points", extent.points}, {"area_m2", extent.area_m2}};
+  if (extent.from_origin.isEmpty()) return fields;
+  const auto corner = [](const Eigen::Vector3d& p) { return json{p.x(), p.y(), p.z()}; };
+  fields["min"] = corner(extent.from_origin.min());
+  fields["max"] = corner(extent.from_origin.max());
+  return fields;
+}
+
+MapExtent extent_from(const JsonField& field) {
+  MapExtent extent;
+  extent.tiles = field.at("tiles").count();
+  extent.points = field.at("points").count();
+  extent.area_m2 = field.at("area_m2").number(0.0, std::numeric_limits<double>::max());
+  if (extent.tiles == 0) return extent;
+  extent.from_origin = {field.at("min").vector3(), field.at("max").vector3()};
+  if (extent.from_origin.isEmpty()) field.at("max").refuse("not below min");
+  return extent;
+}
+
 GeodeticOrigin geodetic_from(const JsonField& field) {
   return {field.at("latitude_deg").number(-90.0, 90.0),
           field.at("longitude_deg").number(-180.0, 180.0), field.at("altitude_m").number()};
@@ -181,6 +201,7 @@ std::string manifest_text(const MapManifest& manifest) {
     for (const TileEntry& tile : manifest.tiles) root["tiles"].push_back(to_json(tile));
   } else {
     root["drive_scans"] = manifest.drive_scans;
+    root["extent"] = to_json(manifest.extent);
   }
   for (const auto& [path, file] : manifest.files) {
     root["files"][path] = {{"bytes", file.bytes}, {"sha256", file.sha256}};
@@ -212,7 +233,9 @@ MapManifest parse_manifest(std::string_view text, const std::string& file) {
   if (manifest.schema == 1) {
     root.at("tiles").each(
         [&](const JsonField& field) { manifest.tiles.push_back(tile_from(field)); });
+    for (const TileEntry& tile : manifest.tiles) manifest.extent.add(tile);
   } else {
+    manifest.extent = extent_from(root.at("extent"));
     root.at("drive_scans").each([&](const JsonField& field) {
       manifest.drive_scans.push_back(
           static_cast<std::uint32_t>(field.integer(0, std::numeric_limits<std::uint32_t>::max())));

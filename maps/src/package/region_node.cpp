@@ -78,14 +78,10 @@ RegionNode decode_region(std::span<const std::byte> bytes, const std::string& na
     throw InputError(
         name, fmt::format("{} bytes", bytes.size()),
         fmt::format("{} for {} packs and {} tiles", expected, head.packs, head.tiles) + remedy);
-  RegionNode region;
-  region.packs.resize(head.packs);
-  region.tiles.resize(head.tiles);
   const std::byte* const packs = bytes.data() + sizeof(head);
-  if (head.packs > 0) std::memcpy(region.packs.data(), packs, head.packs * sizeof(Pack));
-  if (head.tiles > 0)
-    std::memcpy(region.tiles.data(), packs + head.packs * sizeof(Pack),
-                head.tiles * sizeof(RegionTile));
+  const std::byte* const tiles = packs + head.packs * sizeof(Pack);
+  const RegionNode region{{reinterpret_cast<const Pack*>(packs), head.packs},
+                          {reinterpret_cast<const RegionTile*>(tiles), head.tiles}};
   if (const auto fault = fault_of(region))
     throw InputError(name, fault->first, fault->second + remedy);
   return region;

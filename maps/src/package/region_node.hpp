@@ -39,18 +39,19 @@ struct RegionTile {
 };
 static_assert(sizeof(RegionTile) == 72);
 
-/// What a region of 32 x 32 tiles holds.
+/// What a region of 32 x 32 tiles holds, where it lies.
 struct RegionNode {
-  std::vector<Pack> packs;
+  std::span<const Pack> packs;
   /// By x, then y.
-  std::vector<RegionTile> tiles;
+  std::span<const RegionTile> tiles;
 };
 
 /// Bytes of a region as maps/package.md has them; equal for equal content.
 /// @throws std::invalid_argument for what `decode_region` would refuse.
 [[nodiscard]] std::vector<std::byte> encode_region(const RegionNode& region);
 
-/// @param name  of the file, for messages.
+/// @param bytes  at a multiple of 8; the region lies in them. @param name  of the file, for
+/// messages.
 /// @throws InputError for bytes that are no region: nothing in them is trusted.
 [[nodiscard]] RegionNode decode_region(std::span<const std::byte> bytes, const std::string& name);
 

@@ -23,7 +23,7 @@ void require_whole_tile(const MapPackage& map, TileId id) {
 }
 
 void require_whole_tiles(const MapPackage& map, const DerivedWork& work) {
-  for (const TileEntry& tile : map.manifest().tiles) {
+  for (const TileEntry& tile : map.tiles()) {
     if (tile.id.level != 0) continue;
     if (work.go_on && !work.go_on(0.0)) throw WorkStopped();
     require_whole_tile(map, tile.id);

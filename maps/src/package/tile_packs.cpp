@@ -52,6 +52,20 @@ void set_bounds(const TileContent& tile, RegionTile& row) {
   }
 }
 
+/// What a node says of a tile.
+TileEntry entry_of(RegionId region, const RegionTile& tile) {
+  const TileId id{
+      .level = 0, .x = kRegionTiles * region.x + tile.x, .y = kRegionTiles * region.y + tile.y};
+  const auto along = [](std::int32_t number, std::uint16_t step) {
+    return kTileSizeM * number + (step + 0.5) * kTileStepM;
+  };
+  const auto up = [&](std::int32_t step) { return tile.z_base_m + (step + 0.5) * kTileStepZM; };
+  return {.id = id,
+          .points = tile.points,
+          .min = {along(id.x, tile.min_xy[0]), along(id.y, tile.min_xy[1]), up(tile.min_z)},
+          .max = {along(id.x, tile.max_xy[0]), along(id.y, tile.max_xy[1]), up(tile.max_z)}};
+}
+
 }  // namespace
 
 std::string region_path(RegionId region) {
@@ -125,7 +139,8 @@ void PackWriter::add(TileId id, const TileContent& tile) {
   region->tiles.push_back(row);
 }
 
-void PackWriter::finish() {
+std::vector<TileEntry> PackWriter::finish() {
+  std::vector<TileEntry> tiles;
   for (auto& [number, region] : regions_) {
     const std::filesystem::path sorted = region->file.string() + ".sorted";
     std::sort(region->tiles.begin(), region->tiles.end(),
@@ -151,61 +166,85 @@ void PackWriter::finish() {
     }
     std::filesystem::rename(sorted, folder_ / pack_path(pack));
     std::filesystem::remove(region->file);
-    const std::vector<std::byte> node = encode_region({{pack}, region->tiles});
+    const std::vector<std::byte> node = encode_region({std::span(&pack, 1), region->tiles});
     write_file(folder_ / region_path(number),
                {reinterpret_cast<const char*>(node.data()), node.size()});
+    for (const RegionTile& row : region->tiles) tiles.push_back(entry_of(number, row));
   }
   regions_.clear();
+  std::sort(tiles.begin(), tiles.end(),
+            [](const TileEntry& a, const TileEntry& b) { return a.id < b.id; });
+  return tiles;
 }
 
-PackReader::PackReader(const std::filesystem::path& folder, const std::vector<RegionId>& regions) {
-  for (const RegionId& number : regions) {
-    const std::filesystem::path file = folder / region_path(number);
-    const std::string bytes = read_text(file);
-    const RegionNode node = decode_region(std::as_bytes(std::span(bytes)), file.string());
-    std::vector<OpenPack>& packs = packs_[number];
-    for (const Pack& pack : node.packs) {
-      const std::filesystem::path path = folder / pack_path(pack);
-      std::error_code error;
-      if (!std::filesystem::is_regular_file(path, error))
-        throw InputError(path.string(), "no file", "a pack: copy or build the map again");
-      packs.push_back({path.string(), std::make_unique<MappedFile>(path)});
-      const std::size_t found = packs.back().file->bytes().size();
-      if (found != pack.bytes)
-        throw InputError(path.string(), fmt::format("{} bytes", found),
-                         fmt::format("{}: copy or build the map again", pack.bytes));
-    }
-    for (const RegionTile& tile : node.tiles)
-      tiles_.push_back({{.level = 0,
-                         .x = kRegionTiles * number.x + tile.x,
-                         .y = kRegionTiles * number.y + tile.y},
-                        tile});
+PackReader::PackReader(const std::filesystem::path& folder,
+                       const std::map<std::string, MapManifest::File>& files)
+    : folder_(folder) {
+  for (const auto& [path, file] : files) {
+    if (const auto region = region_of_path(path))
+      regions_.try_emplace(*region, folder_ / path);
+    else if (path.starts_with(std::string(kPacksFolder) + "/"))
+      packs_.try_emplace(path, folder_ / path);
   }
-  std::sort(tiles_.begin(), tiles_.end(),
-            [](const auto& a, const auto& b) { return a.first < b.first; });
+}
+
+std::vector<RegionId> PackReader::regions() const {
+  std::vector<RegionId> all;
+  for (const auto& [id, region] : regions_) all.push_back(id);
+  return all;
+}
+
+RegionNode PackReader::node_of(RegionId id) const {
+  const auto found = regions_.find(id);
+  if (found == regions_.end()) return {};
+  Region& region = found->second;
+  std::call_once(region.once, [&] {
+    const std::string name = (folder_ / region_path(id)).string();
+    const RegionNode node = decode_region(region.file.bytes(), name);
+    for (const Pack& pack : node.packs) {
+      const auto listed = packs_.find(pack_path(pack));
+      const std::size_t bytes = listed == packs_.end() ? 0 : listed->second.bytes().size();
+      if (listed == packs_.end() || bytes != pack.bytes)
+        throw InputError(name, fmt::format("{} bytes in {}", pack.bytes, pack_path(pack)),
+                         fmt::format("{} as in manifest.json: copy or build the map again", bytes));
+    }
+    region.node = node;
+  });
+  return region.node;
+}
+
+std::vector<TileEntry> PackReader::tiles(RegionId region) const {
+  std::vector<TileEntry> tiles;
+  for (const RegionTile& tile : node_of(region).tiles) tiles.push_back(entry_of(region, tile));
+  return tiles;
 }
 
 const RegionTile* PackReader::find(TileId id) const {
-  const auto at =
-      std::lower_bound(tiles_.begin(), tiles_.end(), id,
-                       [](const auto& tile, TileId wanted) { return tile.first < wanted; });
-  return at == tiles_.end() || at->first != id ? nullptr : &at->second;
+  if (id.level != 0) return nullptr;
+  const RegionId region = region_of(id);
+  const auto place = [](int x, int y) { return kRegionTiles * x + y; };
+  const int wanted = place(id.x - kRegionTiles * region.x, id.y - kRegionTiles * region.y);
+  const std::span<const RegionTile> tiles = node_of(region).tiles;
+  const auto at = std::lower_bound(
+      tiles.begin(), tiles.end(), wanted,
+      [&](const RegionTile& tile, int sought) { return place(tile.x, tile.y) < sought; });
+  return at == tiles.end() || place(at->x, at->y) != wanted ? nullptr : &*at;
 }
 
-const PackReader::OpenPack& PackReader::pack_of(TileId id, const RegionTile& tile) const {
-  return packs_.at(region_of(id)).at(tile.pack);
+std::string PackReader::path_of(TileId id, const RegionTile& tile) const {
+  return pack_path(node_of(region_of(id)).packs[tile.pack]);
 }
 
 std::span<const std::byte> PackReader::bytes(TileId id) const {
   const RegionTile* const tile = find(id);
   if (tile == nullptr) return {};
-  return pack_of(id, *tile).file->bytes().subspan(tile->offset, tile->bytes);
+  return packs_.at(path_of(id, *tile)).bytes().subspan(tile->offset, tile->bytes);
 }
 
 std::string PackReader::name_of(TileId id) const {
   const RegionTile* const tile = find(id);
   if (tile == nullptr) throw std::out_of_range(tile_name(id));
-  return pack_of(id, *tile).path + ", " + tile_name(id);
+  return (folder_ / path_of(id, *tile)).string() + ", " + tile_name(id);
 }
 
 }  // namespace stillmap::maps

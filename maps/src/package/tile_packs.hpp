@@ -8,9 +8,9 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "package/region_node.hpp"
@@ -38,8 +38,9 @@ class PackWriter {
   /// @param id  of level 0. @throws std::invalid_argument for another level, for a tile that was
   /// added before or cannot be encoded; StorageError.
   void add(TileId id, const TileContent& tile);
-  /// Writes what remains; nothing may be added then. @throws StorageError.
-  void finish();
+  /// Writes what remains; nothing may be added then. @return the tiles, by x, then y.
+  /// @throws StorageError.
+  std::vector<TileEntry> finish();
 
  private:
   struct Region;
@@ -49,16 +50,19 @@ class PackWriter {
 };
 
 /// Reads tiles from packs and nodes. All files are opened at once, so that tiles stay readable when
-/// the package is removed; a pack's pages are read when they are touched. Safe from several
-/// threads.
+/// the package is removed; nothing is read from them before somebody asks. Whatever asks for a tile
+/// throws InputError for a node that is none or whose packs the package does not list. Safe from
+/// several threads.
 class PackReader {
  public:
-  /// @param regions  that the package lists. @throws InputError for a node that is none or whose
-  /// packs are missing or of another size; StorageError.
-  PackReader(const std::filesystem::path& folder, const std::vector<RegionId>& regions);
+  /// @param files  of the package: nodes and packs among them are opened. @throws StorageError.
+  PackReader(const std::filesystem::path& folder,
+             const std::map<std::string, MapManifest::File>& files);
 
-  /// Tiles by x, then y, with what is known of them without reading them.
-  [[nodiscard]] const std::vector<std::pair<TileId, RegionTile>>& tiles() const { return tiles_; }
+  /// By x, then y.
+  [[nodiscard]] std::vector<RegionId> regions() const;
+  /// By x, then y; none for a region that the package does not list.
+  [[nodiscard]] std::vector<TileEntry> tiles(RegionId region) const;
   /// Null when there is no such tile.
   [[nodiscard]] const RegionTile* find(TileId id) const;
   /// As they lie in the pack; empty when there is no such tile. Valid as long as this.
@@ -67,14 +71,20 @@ class PackReader {
   [[nodiscard]] std::string name_of(TileId id) const;
 
  private:
-  struct OpenPack {
-    std::string path;
-    std::unique_ptr<MappedFile> file;
+  struct Region {
+    explicit Region(const std::filesystem::path& path) : file(path) {}
+    MappedFile file;
+    std::once_flag once;
+    /// As it lies in the file, when it was read.
+    RegionNode node;
   };
-  [[nodiscard]] const OpenPack& pack_of(TileId id, const RegionTile& tile) const;
+  [[nodiscard]] RegionNode node_of(RegionId region) const;
+  [[nodiscard]] std::string path_of(TileId id, const RegionTile& tile) const;
 
-  std::vector<std::pair<TileId, RegionTile>> tiles_;
-  std::map<RegionId, std::vector<OpenPack>> packs_;
+  std::filesystem::path folder_;
+  mutable std::map<RegionId, Region> regions_;
+  /// By path.
+  std::map<std::string, MappedFile> packs_;
 };
 
 /// SHA-256 as lower-case hex.

@@ -119,7 +119,7 @@ std::string inspection_json(const MapSummary& summary) {
   json["voxel_size_m"] = manifest.voxel_size_m;
   json["relative_clock"] = manifest.relative_clock;
   json["points"] = summary.points;
-  json["tiles"] = manifest.tiles.size();
+  json["tiles"] = manifest.extent.tiles;
   json["bounds_map"] = bounds(summary.bounds_map);
   json["objects"] = summary.objects;
   json["poses"] = summary.poses;

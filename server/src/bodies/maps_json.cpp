@@ -153,9 +153,8 @@ std::string map_json(const StoredMap& map, const ServedVersion& version,
   json["relative_clock"] = manifest.relative_clock;
   json["counts"] = manifest.counts;
   json["tile_size_m"] = maps::kTileSizeM;
-  json["tiles"] = manifest.tiles.size();
-  Eigen::AlignedBox3d bounds;
-  for (const maps::TileEntry& tile : manifest.tiles) bounds.extend(tile.from_origin());
+  json["tiles"] = manifest.extent.tiles;
+  const Eigen::AlignedBox3d& bounds = manifest.extent.from_origin;
   if (!bounds.isEmpty())
     json["bounds"] = {{"min", to_json_array(bounds.min())}, {"max", to_json_array(bounds.max())}};
   json["objects"] = package.objects().size();

@@ -312,9 +312,7 @@ void MapCatalog::make_ready(ServedVersion& version) const {
     version.localization = localization_options_of(options_folder_, version.map);
     version.aligners =
         std::make_shared<const Aligners>(builder_(*version.package, version.localization));
-    if (version.package->manifest().geodetic_origin)
-      version.seen_from = std::make_shared<const std::vector<Eigen::Isometry3d>>(
-          localization::seen_from(*version.package));
+    version.seen_from = std::make_shared<SeenFrom>();
     version.state = MapState::kReady;
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     if (metrics_ != nullptr) metrics_->map_loaded(version.map, took.count());

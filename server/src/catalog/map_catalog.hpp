@@ -30,6 +30,20 @@ enum class MapState : std::uint8_t {
   kFailed,
 };
 
+/// `localization::seen_from`, read when somebody asks first. Safe from several threads.
+class SeenFrom {
+ public:
+  /// @throws maps::InputError.
+  [[nodiscard]] const std::vector<Eigen::Isometry3d>& poses(const maps::MapPackage& map) {
+    std::call_once(once_, [&] { T_map_lidar_ = localization::seen_from(map); });
+    return T_map_lidar_;
+  }
+
+ private:
+  std::once_flag once_;
+  std::vector<Eigen::Isometry3d> T_map_lidar_;
+};
+
 /// One version of a map as requests see it. Stays usable while it is held, whatever becomes of the
 /// version meanwhile.
 struct ServedVersion {
@@ -47,8 +61,8 @@ struct ServedVersion {
   localization::LocalizationOptions localization{};
   /// Filled when ready. Last: they use the package.
   std::shared_ptr<const Aligners> aligners{};
-  /// `localization::seen_from` of a map that has a place on the Earth, when ready.
-  std::shared_ptr<const std::vector<Eigen::Isometry3d>> seen_from{};
+  /// Where the map was seen from.
+  std::shared_ptr<SeenFrom> seen_from{};
 
   /// Names what it holds, as no other content and no other copy of it does.
   [[nodiscard]] std::string content() const {

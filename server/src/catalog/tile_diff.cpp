@@ -26,7 +26,7 @@ TileDiff tile_diff(const ServedVersion& map, const TileDiffRequest& request) {
   const std::set<std::string_view> cached(request.cached_ids.begin(), request.cached_ids.end());
   TileDiff diff{.version = map.version, .add = {}, .remove = {}};
   std::set<std::string, std::less<>> wanted;
-  for (const maps::TileEntry& tile : manifest.tiles) {
+  for (const maps::TileEntry& tile : map.package->tiles()) {
     if (tile.id.level != request.level) continue;
     if (distance_m(tile.id, from_origin) > request.radius_m) continue;
     const std::string place = fmt::format("{}/{}/{}", tile.id.level, tile.id.x, tile.id.y);

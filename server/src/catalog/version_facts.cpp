@@ -28,13 +28,9 @@ std::vector<std::string> drives_of(const maps::MapManifest& manifest) {
 }  // namespace
 
 VersionFacts facts_of(const maps::MapManifest& manifest) {
-  VersionFacts facts{.tiles = manifest.tiles.size()};
-  for (const maps::TileEntry& tile : manifest.tiles) {
-    if (tile.id.level != 0) continue;
-    facts.points += tile.points;
-    const Eigen::Vector3d sizes = tile.from_origin().sizes();
-    facts.area_m2 += sizes.x() * sizes.y();
-  }
+  VersionFacts facts{.tiles = manifest.extent.tiles};
+  facts.points = manifest.extent.points;
+  facts.area_m2 = manifest.extent.area_m2;
   facts.frame_id = manifest.frame_id;
   facts.geodetic_origin = manifest.geodetic_origin;
   if (manifest.registration) facts.registered_to = manifest.registration->previous_digest;

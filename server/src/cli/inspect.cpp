@@ -59,7 +59,7 @@ void print_for_people(const server::MapSummary& map) {
               fmt::format("to {:.12}, {} scans within {:.3f} m", registration->previous_digest,
                           registration->scans_used, registration->residual_m));
   table.add("points", fmt::format("{} in {} tiles, voxels of {} m", grouped(map.points),
-                                  map.manifest.tiles.size(), map.manifest.voxel_size_m));
+                                  map.manifest.extent.tiles, map.manifest.voxel_size_m));
   table.add("bounds", text_of(map.bounds_map));
   table.add("trajectory", fmt::format("{} poses, {:.1f} m, {} clock", map.poses, map.path_length_m,
                                       map.manifest.relative_clock ? "relative" : "Unix"));

@@ -55,7 +55,7 @@ std::optional<localization::Prior> prior_in(const ServedVersion& map,
         ErrorCode::kNoGeodeticOrigin, "gnss", "a map without geodetic_origin",
         "a prior in the map frame, or a map with a place on the Earth (build --geo-origin)");
   }
-  return prior_from(*gnss, *origin, *map.seen_from);
+  return prior_from(*gnss, *origin, map.seen_from->poses(*map.package));
 }
 
 bool is_reference(std::string_view method) {

@@ -64,9 +64,18 @@ std::string tile_etag(const ServedVersion& version, std::string_view form, maps:
 
 bool lies_above_points(const maps::MapPackage& package, maps::TileId id) {
   if (id.level == 0 || id.level > maps::MapLevels::kHighest) return false;
-  const auto& tiles = package.manifest().tiles;
-  return std::any_of(tiles.begin(), tiles.end(), [&](const maps::TileEntry& tile) {
-    return tile.id.level == 0 && tile.id.x >> id.level == id.x && tile.id.y >> id.level == id.y;
+  const auto is_below = [&](const maps::TileEntry& tile) {
+    return tile.id.x >> id.level == id.x && tile.id.y >> id.level == id.y;
+  };
+  const auto meets = [&](std::int32_t region, std::int32_t tile) {
+    const std::int32_t first = maps::kRegionTiles * region;
+    return first >> id.level <= tile && tile <= (first + maps::kRegionTiles - 1) >> id.level;
+  };
+  const auto regions = package.regions();
+  return std::any_of(regions.begin(), regions.end(), [&](maps::RegionId region) {
+    if (!meets(region.x, id.x) || !meets(region.y, id.y)) return false;
+    const auto tiles = package.tiles(region);
+    return std::any_of(tiles.begin(), tiles.end(), is_below);
   });
 }
 

@@ -131,7 +131,7 @@ HttpResponse answer_tile_list(const Context& context, const HttpRequest& request
   const std::optional<Eigen::AlignedBox2d> area = read_area(values);
   const ServedVersion map = find_version(context.catalog, path);
   return json_response(
-      tile_list_json(list_tiles(map.package->manifest().tiles, area, page.limit, page.before)));
+      tile_list_json(list_tiles(map.package->tiles(), area, page.limit, page.before)));
 }
 
 }  // namespace

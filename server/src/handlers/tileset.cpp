@@ -56,7 +56,7 @@ HttpResponse get_cut(const Context& context, const HttpRequest& request,
 /// Level 0 as it lies in the package.
 HttpResponse own_tile(const Context& context, const ServedVersion& map, const HttpRequest& request,
                       maps::TileId id) {
-  const auto& tiles = map.package->manifest().tiles;
+  const auto tiles = map.package->tiles(maps::region_of(id));
   const auto tile =
       std::find_if(tiles.begin(), tiles.end(), [&](const auto& each) { return each.id == id; });
   if (tile == tiles.end()) refuse(map, request);

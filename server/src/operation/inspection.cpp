@@ -73,11 +73,9 @@ MapSummary summarize(const maps::MapPackage& package) {
   MapSummary summary;
   summary.digest = package.digest();
   summary.manifest = package.manifest();
-  for (const maps::TileEntry& tile : summary.manifest.tiles) {
-    if (tile.id.level != 0) continue;
-    summary.points += tile.points;
-    summary.bounds_map.extend(summary.manifest.bounds_of(tile));
-  }
+  const maps::MapExtent& extent = summary.manifest.extent;
+  summary.points = extent.points;
+  summary.bounds_map = extent.from_origin.translated(summary.manifest.origin);
   summary.objects = package.objects().size();
   for (const maps::Trajectory& drive : package.trajectories()) {
     std::vector<Eigen::Isometry3d> path;

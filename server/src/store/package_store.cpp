@@ -34,6 +34,7 @@ void check_name(const char* what, std::string_view name) {
 /// Opens it and reads the parts that are only read at need.
 void check_readable(const fs::path& folder) {
   const std::shared_ptr<const maps::MapPackage> package = maps::MapPackage::open(folder);
+  (void)package->tiles();
   (void)package->trajectories();
   (void)package->objects();
   (void)maps::read_map_graph(*package);

@@ -65,7 +65,7 @@ class MapBuild : public ::testing::Test {
 
 std::map<maps::PointKind, std::uint64_t> observations_by_kind(const maps::MapPackage& map) {
   std::map<maps::PointKind, std::uint64_t> observations;
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
+  for (const maps::TileEntry& tile : map.tiles()) {
     for (const maps::MapPoint& point : map.tile(tile.id))
       observations[point.kind] += point.observations;
   }
@@ -173,7 +173,7 @@ TEST_F(MapBuild, CountsEveryPointOnceInTheManifest) {
                 observations.at(maps::PointKind::kGround) + counts.at("projected"),
             in - 5);
   std::uint64_t points = 0;
-  for (const maps::TileEntry& tile : map->manifest().tiles) points += tile.points;
+  for (const maps::TileEntry& tile : map->tiles()) points += tile.points;
   EXPECT_EQ(counts.at("static"), points);
   for (const auto& [name, count] : report.points) EXPECT_EQ(counts.at(name), count) << name;
   EXPECT_EQ(report.digest, map->digest());
@@ -226,7 +226,7 @@ TEST_F(MapBuild, PutsNoPointAboveTheGroundWhereTheCarStood) {
   use_boxes();
   (void)build();
   const auto map = open();
-  for (const maps::TileEntry& entry : map->manifest().tiles) {
+  for (const maps::TileEntry& entry : map->tiles()) {
     const maps::MapTile tile = map->tile(entry.id);
     for (const maps::MapPoint& p : tile) {
       const Eigen::Vector3d q = tile.position(p);
@@ -321,7 +321,7 @@ TEST_F(MapBuild, KeepsAHiddenScanOutAndSaysSo) {
     const auto map = open(name);
     EXPECT_EQ(map->manifest().counts.at("scans_hidden"), 1U);
     // Nothing in the air between the walls but the car.
-    for (const maps::TileEntry& entry : map->manifest().tiles) {
+    for (const maps::TileEntry& entry : map->tiles()) {
       const maps::MapTile tile = map->tile(entry.id);
       for (const maps::MapPoint& p : tile) {
         const Eigen::Vector3d q = tile.position(p);
@@ -509,7 +509,7 @@ TEST_F(MapBuild, AsThePaperPutsBoxesOnTheScansMeanGround) {
   EXPECT_EQ(report.points.at("filled"), 0U);
   EXPECT_EQ(open()->manifest().options.at("ground_height"), "mean");
   const auto map = open();
-  for (const maps::TileEntry& entry : map->manifest().tiles) {
+  for (const maps::TileEntry& entry : map->tiles()) {
     const maps::MapTile tile = map->tile(entry.id);
     for (const maps::MapPoint& p : tile) {
       if (p.kind != maps::PointKind::kProjected) continue;
@@ -550,7 +550,7 @@ TEST_F(MapBuild, ReplaysAUsersCorrections) {
   EXPECT_THAT(report.warnings[0], testing::HasSubstr("bus"));
   const auto map = open();
   std::size_t of_car = 0, of_wall = 0;
-  for (const maps::TileEntry& entry : map->manifest().tiles) {
+  for (const maps::TileEntry& entry : map->tiles()) {
     const maps::MapTile tile = map->tile(entry.id);
     for (const maps::MapPoint& p : tile) {
       const Eigen::Vector3d q = tile.position(p);

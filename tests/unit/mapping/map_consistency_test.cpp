@@ -300,7 +300,7 @@ TEST_F(DisturbedStreet, IsTheSameInThePackageForAnyNumberOfThreads) {
   std::size_t told = 0;
   const std::string serial = to_json(map_consistency(
       *map, 1, [&](std::string_view, std::size_t done, std::size_t) { told = done; }, cancel));
-  EXPECT_EQ(told, map->manifest().tiles.size());
+  EXPECT_EQ(told, map->manifest().extent.tiles);
   EXPECT_EQ(serial, to_json(sum.result()));
   for (const int threads : {2, 5})
     EXPECT_EQ(to_json(map_consistency(*map, threads, {}, cancel)), serial);

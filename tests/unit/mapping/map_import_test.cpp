@@ -178,7 +178,7 @@ test::LasBytes las_of(const std::vector<Eigen::Vector3d>& points_enu, std::uint1
 
 /// The one point of a map of one voxel, in map coordinates.
 Eigen::Vector3d only_point(const maps::MapPackage& package) {
-  const maps::MapTile tile = package.tile(package.manifest().tiles.at(0).id);
+  const maps::MapTile tile = package.tile(package.tiles().at(0).id);
   return tile.position(tile[0]);
 }
 
@@ -250,7 +250,7 @@ TEST_F(MapImport, OurOwnAutowareMapsComeBackInAnyProjection) {
     const Eigen::Isometry3d T_hall_map =
         maps::T_enu_enu(kTownHall, *package->manifest().geodetic_origin);
     std::size_t found = 0;
-    for (const maps::TileEntry& entry : package->manifest().tiles) {
+    for (const maps::TileEntry& entry : package->tiles()) {
       const maps::MapTile tile = package->tile(entry.id);
       for (const maps::MapPoint& point : tile) {
         const Eigen::Vector3d p = T_hall_map * tile.position(point);

@@ -267,7 +267,7 @@ TEST(PlainMap, HoldsEveryPointAsMeasured) {
   EXPECT_THAT(plain->verify(), IsEmpty());
   EXPECT_EQ(plain->trajectories().size(), map->trajectories().size());
   std::size_t moved = 0;
-  for (const maps::TileEntry& entry : map->manifest().tiles) {
+  for (const maps::TileEntry& entry : map->tiles()) {
     const auto points = map->tile(entry.id), copies = plain->tile(entry.id);
     ASSERT_EQ(points.size(), copies.size());
     for (std::size_t i = 0; i < points.size(); ++i) {

@@ -157,7 +157,7 @@ TEST_F(ConvertPackage, KeepsAllThatThePackageHolds) {
   EXPECT_EQ(after->digest(), digest);
   EXPECT_EQ(after->manifest().schema, 2);
   EXPECT_THAT(after->verify(), IsEmpty());
-  ASSERT_EQ(after->manifest().tiles.size(), kTiles.size()) << "without the thinned one";
+  ASSERT_EQ(after->manifest().extent.tiles, kTiles.size()) << "without the thinned one";
   for (const TileId id : kTiles) {
     expect_same_place(*before, *after, id);
     expect_same_history(*before, *after, id);

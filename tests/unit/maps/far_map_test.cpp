@@ -93,15 +93,16 @@ class FarMap : public ::testing::Test {
 TEST_F(FarMap, TilesHaveTheSameBytes) {
   const auto near = map(points_, false);
   const auto far = map(points_, true);
-  ASSERT_THAT(near->manifest().tiles, Not(IsEmpty()));
-  for (const TileEntry& tile : near->manifest().tiles) {
+  ASSERT_THAT(near->tiles(), Not(IsEmpty()));
+  for (const TileEntry& tile : near->tiles()) {
     const TileId there = moved(tile.id, true);
     EXPECT_EQ(bytes_of(near->tile(tile.id).points_from(corner_of(tile.id))),
               bytes_of(far->tile(there).points_from(corner_of(there))));
   }
-  for (std::size_t i = 0; i < near->manifest().tiles.size(); ++i) {
-    const Eigen::AlignedBox3d box = near->manifest().tiles[i].from_origin();
-    const Eigen::AlignedBox3d there = far->manifest().tiles[i].from_origin();
+  const std::vector<TileEntry> here = near->tiles(), away = far->tiles();
+  for (std::size_t i = 0; i < here.size(); ++i) {
+    const Eigen::AlignedBox3d box = here[i].from_origin();
+    const Eigen::AlignedBox3d there = away[i].from_origin();
     EXPECT_EQ(there.min() - shift_of(true), box.min());
     EXPECT_EQ(there.max() - shift_of(true), box.max());
   }
@@ -131,9 +132,10 @@ Eigen::Vector3d place_in(const std::string& glb) {
 TEST_F(FarMap, GlbIsTheSameButForItsPlaceInDoubles) {
   const auto near = map(points_, false);
   const auto far = map(points_, true);
-  for (std::size_t i = 0; i < near->manifest().tiles.size(); ++i) {
-    const TileEntry& tile = near->manifest().tiles[i];
-    const TileEntry& there = far->manifest().tiles[i];
+  const std::vector<TileEntry> here = near->tiles(), away = far->tiles();
+  for (std::size_t i = 0; i < here.size(); ++i) {
+    const TileEntry& tile = here[i];
+    const TileEntry& there = away[i];
     const std::string glb = glb_of(tile, near->tile(tile.id).points_from(corner_of(tile.id)));
     const std::string far_glb = glb_of(there, far->tile(there.id).points_from(corner_of(there.id)));
     EXPECT_EQ(place_in(far_glb) - shift_of(true), place_in(glb));

@@ -240,7 +240,7 @@ TEST(Las, WhatTheExportWritesComesBackToTheMillimetre) {
     EXPECT_EQ(summary.coordinates, placed ? "WGS 84 / UTM zone 32N" : "town");
     const UtmProjection utm({49.0, 8.4, 116.5}, {32, true});
     std::size_t i = 0;
-    for (const TileEntry& entry : package->manifest().tiles) {
+    for (const TileEntry& entry : package->tiles()) {
       const MapTile tile = package->tile(entry.id);
       for (const MapPoint& point : tile) {
         const Eigen::Vector3d p_map = tile.position(point);

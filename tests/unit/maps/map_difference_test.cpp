@@ -48,7 +48,7 @@ class Difference : public ::testing::Test {
   /// As the package has them, from its origin.
   static std::vector<MapPoint> points_of(const MapPackage& map) {
     std::vector<MapPoint> points;
-    for (const TileEntry& tile : map.manifest().tiles)
+    for (const TileEntry& tile : map.tiles())
       for (const MapPoint& p : map.tile(tile.id).points_from(Eigen::Vector3d::Zero()))
         points.push_back(p);
     return points;

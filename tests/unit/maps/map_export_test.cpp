@@ -72,7 +72,7 @@ class MapExport : public ::testing::Test {
   /// As they come in the tiles' order.
   static std::vector<MapPoint> points_of(const MapPackage& map) {
     std::vector<MapPoint> points;
-    for (const TileEntry& tile : map.manifest().tiles)
+    for (const TileEntry& tile : map.tiles())
       for (const MapPoint& point : map.tile(tile.id).points_from(Eigen::Vector3d::Zero()))
         points.push_back(point);
     return points;

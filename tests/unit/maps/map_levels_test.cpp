@@ -122,7 +122,7 @@ TEST_F(Levels, EveryTileHasItsParentUpToTheTopAndTheTopIsSmall) {
   const auto town = map(scattered(130.0));
   const auto levels = made(*town);
   std::vector<TileId> all;
-  for (const TileEntry& tile : town->manifest().tiles) all.push_back(tile.id);
+  for (const TileEntry& tile : town->tiles()) all.push_back(tile.id);
   for (const TileEntry& tile : levels->tiles()) all.push_back(tile.id);
   std::uint64_t at_top = 0;
   for (const TileId id : all) {

@@ -101,11 +101,12 @@ TEST(MapPackage, ReadsBackWhatWasWritten) {
   EXPECT_EQ(manifest.options, sample_manifest().options);
   EXPECT_EQ(manifest.counts, sample_manifest().counts);
   EXPECT_EQ(manifest.sources, sample_manifest().sources);
-  ASSERT_EQ(manifest.tiles.size(), 2U);
-  EXPECT_EQ(manifest.tiles[0].id, kNear);
-  EXPECT_EQ(manifest.tiles[0].from_origin().min(), Eigen::Vector3d(1.0, -5.0, -6.0));
-  EXPECT_EQ(manifest.tiles[0].from_origin().max(), Eigen::Vector3d(4.0, -2.0, 3.0));
-  EXPECT_EQ(manifest.bounds_of(manifest.tiles[0]).max(),
+  const std::vector<TileEntry> tiles = package->tiles();
+  ASSERT_EQ(tiles.size(), 2U);
+  EXPECT_EQ(tiles[0].id, kNear);
+  EXPECT_EQ(tiles[0].from_origin().min(), Eigen::Vector3d(1.0, -5.0, -6.0));
+  EXPECT_EQ(tiles[0].from_origin().max(), Eigen::Vector3d(4.0, -2.0, 3.0));
+  EXPECT_EQ(manifest.bounds_of(tiles[0]).max(),
             sample_manifest().origin + Eigen::Vector3d(4.0, -2.0, 3.0));
   const MapTile tile = package->tile(kNear);
   ASSERT_EQ(tile.size(), 2U);

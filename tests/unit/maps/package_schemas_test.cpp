@@ -73,10 +73,16 @@ TEST_F(PackageSchemas, HoldTheSame) {
   EXPECT_EQ(first_->manifest().schema, 1);
   EXPECT_EQ(second_->manifest().schema, 2);
   EXPECT_EQ(content_digest(*first_), content_digest(*second_));
-  ASSERT_EQ(first_->manifest().tiles.size(), second_->manifest().tiles.size());
-  for (std::size_t i = 0; i < first_->manifest().tiles.size(); ++i) {
-    const TileEntry& one = first_->manifest().tiles[i];
-    const TileEntry& other = second_->manifest().tiles[i];
+  const std::vector<TileEntry> first = first_->tiles(), second = second_->tiles();
+  ASSERT_EQ(first.size(), second.size());
+  EXPECT_EQ(first_->manifest().extent.tiles, first.size());
+  EXPECT_EQ(second_->manifest().extent.tiles, first.size());
+  EXPECT_EQ(first_->manifest().extent.points, second_->manifest().extent.points);
+  EXPECT_NEAR(first_->manifest().extent.area_m2, second_->manifest().extent.area_m2, 1e-3);
+  EXPECT_EQ(first_->regions(), second_->regions());
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    const TileEntry& one = first[i];
+    const TileEntry& other = second[i];
     EXPECT_EQ(one.id, other.id);
     EXPECT_EQ(one.points, other.points);
     EXPECT_LT((one.from_origin().min() - other.from_origin().min()).norm(), 1e-5);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <map>
 #include <random>
 
 #include "support/temporary_folder.hpp"
@@ -36,19 +37,6 @@ std::vector<TileId> some_tiles() {
   return tiles;
 }
 
-std::vector<RegionId> write(const fs::path& folder, const std::vector<TileId>& tiles) {
-  PackWriter writer(folder);
-  std::vector<RegionId> regions;
-  for (const TileId& id : tiles) {
-    writer.add(id, tile_of(id));
-    regions.push_back(region_of(id));
-  }
-  writer.finish();
-  std::sort(regions.begin(), regions.end());
-  regions.erase(std::unique(regions.begin(), regions.end()), regions.end());
-  return regions;
-}
-
 std::map<std::string, std::string> contents(const fs::path& folder) {
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::recursive_directory_iterator(folder)) {
@@ -57,6 +45,16 @@ std::map<std::string, std::string> contents(const fs::path& folder) {
     files[entry.path().lexically_relative(folder).string()].assign(
         std::istreambuf_iterator<char>(file), {});
   }
+  return files;
+}
+
+std::map<std::string, MapManifest::File> write(const fs::path& folder,
+                                               const std::vector<TileId>& tiles) {
+  PackWriter writer(folder);
+  for (const TileId& id : tiles) writer.add(id, tile_of(id));
+  EXPECT_EQ(writer.finish().size(), tiles.size());
+  std::map<std::string, MapManifest::File> files;
+  for (const auto& [path, bytes] : contents(folder)) files[path].bytes = bytes.size();
   return files;
 }
 
@@ -69,9 +67,15 @@ TEST(TilePacks, RegionsCountFromZeroDownwardsToo) {
 TEST(TilePacks, GiveTilesBack) {
   const test::TemporaryFolder folder;
   const PackReader reader(folder.path(), write(folder.path(), some_tiles()));
-  EXPECT_EQ(reader.tiles().size(), some_tiles().size());
-  EXPECT_TRUE(std::is_sorted(reader.tiles().begin(), reader.tiles().end(),
-                             [](const auto& a, const auto& b) { return a.first < b.first; }));
+  std::size_t tiles = 0;
+  for (const RegionId region : reader.regions()) {
+    const std::vector<TileEntry> own = reader.tiles(region);
+    tiles += own.size();
+    EXPECT_TRUE(std::is_sorted(own.begin(), own.end(),
+                               [](const auto& a, const auto& b) { return a.id < b.id; }));
+  }
+  EXPECT_EQ(tiles, some_tiles().size());
+  EXPECT_TRUE(reader.tiles(RegionId{100, 100}).empty());
   for (const TileId& id : some_tiles()) {
     const TileContent tile = decode_tile(reader.bytes(id), "tile");
     EXPECT_EQ(encode_tile(tile), encode_tile(tile_of(id)));
@@ -118,19 +122,40 @@ TEST(TilePacks, LeaveOtherRegionsAloneWhenATileChanges) {
 
 TEST(TilePacks, NamePacksThatAreMissingOrOfAnotherSize) {
   const test::TemporaryFolder folder;
-  const std::vector<RegionId> regions = write(folder.path(), some_tiles());
+  const auto files = write(folder.path(), some_tiles());
+  const TileId id = some_tiles().front();
   std::string pack;
   {
-    const PackReader reader(folder.path(), regions);
-    const std::string name = reader.name_of(some_tiles().front());
+    const PackReader reader(folder.path(), files);
+    const std::string name = reader.name_of(id);
     pack = name.substr(0, name.find(','));
   }
   fs::resize_file(pack, fs::file_size(pack) - 1);
-  EXPECT_THAT([&] { const PackReader cut(folder.path(), regions); },
-              (ThrowsSaying<InputError>({pack, "bytes"})));
+  const std::string listed = fs::path(pack).lexically_relative(folder.path()).string();
+  const PackReader cut(folder.path(), files);
+  EXPECT_THAT([&] { (void)cut.find(id); },
+              (ThrowsSaying<InputError>({".node", "bytes in " + listed, "copy or build"})));
+  auto fewer = files;
+  fewer.erase(listed);
+  const PackReader unlisted(folder.path(), fewer);
+  EXPECT_THAT([&] { (void)unlisted.find(id); },
+              (ThrowsSaying<InputError>({".node", "bytes in " + listed})));
+  // Twice the same.
+  EXPECT_THROW((void)unlisted.find(id), InputError);
   fs::remove(pack);
-  EXPECT_THAT([&] { const PackReader gone(folder.path(), regions); },
-              (ThrowsSaying<InputError>({pack, "no file"})));
+  EXPECT_THAT([&] { const PackReader gone(folder.path(), files); },
+              (ThrowsSaying<StorageError>({pack})));
+}
+
+TEST(TilePacks, ReadNoRegionThatNobodyAsksFor) {
+  const test::TemporaryFolder folder;
+  const auto files = write(folder.path(), some_tiles());
+  const TileId broken = some_tiles().front(), whole = some_tiles().back();
+  ASSERT_NE(region_of(broken), region_of(whole));
+  std::ofstream(folder.path() / region_path(region_of(broken))) << "no node";
+  const PackReader reader(folder.path(), files);
+  EXPECT_FALSE(reader.bytes(whole).empty());
+  EXPECT_THROW((void)reader.bytes(broken), InputError);
 }
 
 TEST(TilePacks, StayReadableWhenThePackageIsRemoved) {

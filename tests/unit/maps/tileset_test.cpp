@@ -181,7 +181,7 @@ TEST_F(TilesetTest, NamesEveryTileOnceInsideItsParentWithSmallerErrors) {
     return std::to_string(id.level) + "/" + std::to_string(id.x) + "/" + std::to_string(id.y) +
            ".glb";
   };
-  for (const TileEntry& tile : map_->manifest().tiles) expected.insert(uri(tile.id));
+  for (const TileEntry& tile : map_->tiles()) expected.insert(uri(tile.id));
   for (const TileEntry& tile : levels_->tiles()) expected.insert(uri(tile.id));
   EXPECT_EQ(named, expected);
 }
@@ -197,7 +197,7 @@ TEST_F(TilesetTest, BoxesHoldAllPointsBelowThemAndErrorsAreTheVoxels) {
     EXPECT_DOUBLE_EQ(node["geometricError"].get<double>(),
                      id.level == 0 ? 0.0 : std::ldexp(0.1, static_cast<int>(id.level)));
     const auto box = node["boundingVolume"]["box"].get<std::vector<double>>();
-    for (const TileEntry& tile : map_->manifest().tiles) {
+    for (const TileEntry& tile : map_->tiles()) {
       if (tile.id.x >> id.level != id.x || tile.id.y >> id.level != id.y) continue;
       for (std::size_t axis = 0; axis < 3; ++axis) {
         EXPECT_GE(tile.min[axis], box[axis] - box[3 + 4 * axis]);
@@ -245,7 +245,7 @@ TEST_F(TilesetTest, BigMapIsCutIntoTilesetsOfBoundedSize) {
     collect(tiles.cut_text(cut), "cut");
   }
   EXPECT_EQ(sets.size(), tiles.cuts().size());
-  EXPECT_EQ(named.size(), map_->manifest().tiles.size() + levels_->tiles().size());
+  EXPECT_EQ(named.size(), map_->manifest().extent.tiles + levels_->tiles().size());
   EXPECT_THROW((void)tiles.cut_text({.level = 0, .x = 0, .y = 0}), std::invalid_argument);
 }
 

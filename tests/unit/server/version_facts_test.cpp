@@ -30,7 +30,9 @@ maps::TileEntry tile(std::uint32_t level, std::uint64_t points, float width, flo
 
 TEST(VersionFacts, AreaAndPointsAreThoseOfTheFinestLevel) {
   maps::MapManifest manifest;
-  manifest.tiles = {tile(0, 5, 20.0F, 10.0F), tile(0, 1, 0.0F, 0.0F), tile(1, 3, 40.0F, 40.0F)};
+  for (const maps::TileEntry& each :
+       {tile(0, 5, 20.0F, 10.0F), tile(0, 1, 0.0F, 0.0F), tile(1, 3, 40.0F, 40.0F)})
+    manifest.extent.add(each);
   const VersionFacts facts = facts_of(manifest);
   EXPECT_EQ(facts.points, 6U);
   EXPECT_EQ(facts.tiles, 3U);

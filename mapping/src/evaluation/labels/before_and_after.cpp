@@ -39,7 +39,7 @@ void draw(TopView& view, const maps::MapObject& object, const Eigen::Vector3d& o
 TopView empty_view(const maps::MapPackage& map) {
   Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
   Eigen::Vector2d max = -min;
-  for (const maps::TileEntry& tile : map.manifest().tiles) {
+  for (const maps::TileEntry& tile : map.tiles()) {
     min = min.cwiseMin(tile.from_origin().min().head<2>());
     max = max.cwiseMax(tile.from_origin().max().head<2>());
   }

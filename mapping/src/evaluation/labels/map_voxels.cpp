@@ -18,7 +18,7 @@ std::uint64_t place_key(const VoxelGrid::Place& place) {
 
 MapVoxels::MapVoxels(const maps::MapPackage& map)
     : grid_(map.manifest().origin, map.manifest().voxel_size_m) {
-  for (const maps::TileEntry& entry : map.manifest().tiles) {
+  for (const maps::TileEntry& entry : map.tiles()) {
     const maps::MapTile tile = map.tile(entry.id);
     for (const maps::MapPoint& point : tile) {
       if (maps::is_measured(point.kind)) insert(tile.position(point));

@@ -40,7 +40,7 @@ class ThinnedMap {
 /// Every point of a package, from its origin [m].
 template <typename Visit>
 void for_each_point(const maps::MapPackage& map, const Visit& visit) {
-  for (const maps::TileEntry& entry : map.manifest().tiles) {
+  for (const maps::TileEntry& entry : map.tiles()) {
     const maps::MapTile tile = map.tile(entry.id);
     for (const maps::MapPoint& point : tile)
       visit(Eigen::Vector3f(tile.from_origin(point).cast<float>()), point.kind);

@@ -34,7 +34,7 @@ PaperAnswer answer_of(const LocalizationQuery& query) {
 }
 
 void count_points(const maps::MapPackage& map, PaperAnswers& answers) {
-  for (const maps::TileEntry& entry : map.manifest().tiles) {
+  for (const maps::TileEntry& entry : map.tiles()) {
     if (entry.id.level != 0) continue;
     for (const maps::MapPoint& point : map.tile(entry.id)) {
       if (maps::is_measured(point.kind)) ++answers.measured;

@@ -7,7 +7,7 @@ namespace stillmap::mapping {
 
 void write_plain_map(const maps::MapPackage& map, const std::filesystem::path& target) {
   maps::MapPackageWriter writer(target);
-  for (const maps::TileEntry& entry : map.manifest().tiles) {
+  for (const maps::TileEntry& entry : map.tiles()) {
     const Eigen::Vector3d corner = maps::corner_of(entry.id);
     std::vector<maps::MapPoint> points = map.tile(entry.id).points_from(corner);
     for (maps::MapPoint& point : points) {

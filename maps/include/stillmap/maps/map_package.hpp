@@ -6,6 +6,7 @@
 #include <stillmap/maps/mapped_file.hpp>
 #include <stillmap/maps/partial_folder.hpp>
 #include <stillmap/maps/point_fates.hpp>
+#include <stillmap/maps/region.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
 #include <Eigen/Core>
@@ -39,6 +40,18 @@ struct TileEntry {
   [[nodiscard]] Eigen::AlignedBox3d from_origin() const {
     return {Eigen::Vector3d(min[0], min[1], min[2]), Eigen::Vector3d(max[0], max[1], max[2])};
   }
+};
+
+/// What all tiles hold together.
+struct MapExtent {
+  std::uint64_t tiles = 0;
+  std::uint64_t points = 0;
+  /// Sum over the tiles of what the bounds of their points cover [m2].
+  double area_m2 = 0.0;
+  /// Of the points, relative to the manifest's origin [m].
+  Eigen::AlignedBox3d from_origin;
+
+  void add(const TileEntry& tile);
 };
 
 /// How a version was brought into the frame of the version before, by localizing its scans there.
@@ -77,8 +90,9 @@ struct MapManifest {
   std::map<std::string, std::uint64_t> counts;
   /// Inputs with their SHA-256 (scans as one hash over all names and bytes).
   std::map<std::string, std::string> sources;
-  /// Of schema 2 they stand in the nodes of the regions, not in manifest.json.
+  /// Of schema 1 only; `MapPackage::tiles` has those of any package.
   std::vector<TileEntry> tiles;
+  MapExtent extent;
   /// Schema 2: how many scans each drive has, as tiles number scans by drive. Empty: one drive.
   std::vector<std::uint32_t> drive_scans;
   struct File {
@@ -88,7 +102,7 @@ struct MapManifest {
   /// By path relative to the package.
   std::map<std::string, File> files;
 
-  /// Bounds of a tile's points in the map frame [m]. @param tile  one of `tiles`.
+  /// Bounds of a tile's points in the map frame [m].
   [[nodiscard]] Eigen::AlignedBox3d bounds_of(const TileEntry& tile) const {
     return tile.from_origin().translated(origin);
   }
@@ -131,8 +145,8 @@ class MapPackageWriter {
   /// written to the millimetre.
   void write_places(const std::vector<Eigen::Isometry3d>& T_map_place);
   /// Hashes all files, writes manifest.json and `build_json` (outside the digest: times, host,
-  /// timings) as build.json, syncs, renames. The manifest's `tiles` and `files` are filled here.
-  /// Once only.
+  /// timings) as build.json, syncs, renames. The manifest's `tiles`, `extent` and `files` are
+  /// filled here. Once only.
   /// @return the package's digest (SHA-256 of manifest.json, hex); `content_digest` is another one.
   std::string publish(MapManifest manifest, const std::string& build_json);
 
@@ -147,8 +161,9 @@ class MapPackageWriter {
   std::unique_ptr<FatesWriter> fates_;
 };
 
-/// An immutable map version. Its tiles are decoded when they are asked for, and not kept. Safe from
-/// several threads.
+/// An immutable map version. Of schema 2, opening reads manifest.json only. Regions are read, and
+/// tiles decoded, when they are asked for, and are not kept: whatever asks for a tile may throw
+/// InputError. Safe from several threads.
 class MapPackage {
  public:
   /// Checks schema, presence and sizes of all files. @throws InputError naming the file.
@@ -160,6 +175,12 @@ class MapPackage {
   [[nodiscard]] const std::string& digest() const { return digest_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   ~MapPackage();
+  /// All tiles, by level, x, y. Reads all regions.
+  [[nodiscard]] std::vector<TileEntry> tiles() const;
+  /// Regions that have tiles of level 0, by x, then y. Of schema 2 none is read.
+  [[nodiscard]] std::vector<RegionId> regions() const;
+  /// Tiles of level 0 of a region, by x, then y.
+  [[nodiscard]] std::vector<TileEntry> tiles(RegionId region) const;
   [[nodiscard]] bool has_tile(TileId id) const;
   /// Points of a tile; empty when there is none.
   [[nodiscard]] MapTile tile(TileId id) const;

@@ -46,7 +46,7 @@ using GoOn = std::function<bool()>;
 [[nodiscard]] std::optional<TileLayer> coverage_of(const MapPackage& map, const GoOn& go_on = {});
 
 /// Tiles of level 0, ascending.
-[[nodiscard]] std::vector<TileId> finest_tiles(const MapManifest& manifest);
+[[nodiscard]] std::vector<TileId> finest_tiles(const MapPackage& map);
 
 /// The most cells along a tile's side, of those that divide `most` by two again and again, for
 /// which so many tiles have at most a million.
