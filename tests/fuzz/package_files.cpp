@@ -35,8 +35,8 @@ std::shared_ptr<const maps::MapPackage> package_of(std::string_view input) {
   history.resize(points * sizeof(maps::PointHistory));
   list(manifest, maps::history_path({}), history);
   list(manifest, maps::trajectory_path(0), fuzz::take_until(input, kSeparator));
-  list(manifest, maps::kObjectsName, fuzz::take_until(input, kSeparator));
-  list(manifest, maps::kFatesName, input);
+  list(manifest, maps::objects_path(0), fuzz::take_until(input, kSeparator));
+  list(manifest, maps::fates_path(0), input);
   fuzz::put(maps::kManifestName, maps::manifest_text(manifest));
   return maps::MapPackage::open(fuzz::folder().path());
 }

@@ -2,7 +2,8 @@
 
     map = MapPackage(folder)
     for tile in map.tiles(): tile.position (N x 3 float64, map frame), tile.intensity, tile.observations, tile.kind,
-        tile.object, tile.normal, tile.planarity, tile.first_scan, tile.last_scan (numbers over all drives)
+        tile.object, tile.normal, tile.planarity, tile.first_scan, tile.last_scan (numbers over all
+        drives; object plus 1)
 
 Checks what the page lets a reader check: digests, sizes, order; ValueError says what is wrong.
 """
@@ -54,9 +55,14 @@ class Columns:
         return values.reshape(count, width) if width > 1 else values
 
 
-def decode_tile(data, x, y, origin, drive_scans):
-    points, flags, base_m, tall, of_objects, scans = struct.unpack_from("<IIiIII", data)
-    columns, has_history = Columns(data, 24), bool(flags & 1)
+def decode_tile(data, x, y, origin, drives):
+    points, flags, base_m, tall, of_objects, scans, named, _ = struct.unpack_from("<IIiIIIII", data)
+    columns, has_history = Columns(data, 32), bool(flags & 1)
+
+    def over_all(rows, counted):
+        drive, number = columns.take("<u4", rows), columns.take("<u4", rows)
+        return np.concatenate([[0], np.cumsum([each[counted] for each in drives])]).astype(np.int64)[drive] + number
+
     steps = np.stack([columns.take("<u2", points).astype(np.int64) for _ in range(3)])
     intensity = columns.take("<f2", points).astype(np.float32)
     observations, kind = columns.take("<u2", points), columns.take("u1", points)
@@ -64,17 +70,16 @@ def decode_tile(data, x, y, origin, drive_scans):
     steps[2, index] = columns.take("<i4", tall)
     objects = np.zeros(points, np.uint32)
     index = columns.take("<u4", of_objects)
-    objects[index] = columns.take("<u4", of_objects)
+    row = columns.take("<u4" if flags & 4 else "<u2", of_objects)
+    objects[index] = over_all(named, "objects")[row] + 1
     position = np.stack([TILE_M * x + (steps[0] + 0.5) * TILE_M / 65536, TILE_M * y + (steps[1] + 0.5) * TILE_M / 65536,
                          base_m + (steps[2] + 0.5) / 2048], axis=1) + origin
     tile = Tile(x, y, position, intensity, observations, kind, objects)
     if has_history:
         tile.normal, tile.planarity = columns.take("i1", points, 3), columns.take("u1", points)
-        source, number = columns.take("<u4", scans), columns.take("<u4", scans)
-        begin = np.concatenate([[0], np.cumsum(drive_scans)]).astype(np.int64)
-        over_all = begin[source] + number
+        number = over_all(scans, "scans")
         width = "<u4" if flags & 2 else "<u2"
-        tile.first_scan, tile.last_scan = (over_all[columns.take(width, points)] for _ in range(2))
+        tile.first_scan, tile.last_scan = (number[columns.take(width, points)] for _ in range(2))
     require(columns.at == len(data), f"tile {x}, {y}: {len(data)} bytes, expected {columns.at}")
     return tile
 
@@ -88,6 +93,15 @@ class MapPackage:
 
     def tiles(self):
         """By x, then y within each region; regions by x, then y."""
+        extent, count, points = self.manifest["extent"], 0, 0
+        for tile in self._tiles():
+            count, points = count + 1, points + len(tile.kind)
+            inside = (tile.position >= self.origin + extent["min"] - 1e-6) & (tile.position <= self.origin + extent["max"] + 1e-6)
+            require(inside.all(), f"tile {tile.x}, {tile.y}: points outside of the extent")
+            yield tile
+        require((count, points) == (extent["tiles"], extent["points"]), f"{count} tiles with {points} points, not {extent}")
+
+    def _tiles(self):
         numbers = [re.fullmatch(r"regions/(-?\d+)_(-?\d+)\.node", path) for path in self.manifest["files"]]
         for x, y in sorted((int(match[1]), int(match[2])) for match in numbers if match):
             yield from self.region(x, y)
@@ -108,6 +122,6 @@ class MapPackage:
             tile = files[row["pack"]][begin:begin + int(row["bytes"])]
             x, y = (REGION_TILES * region + int(within) for region, within in zip((region_x, region_y), row["xy"]))
             require(hashlib.sha256(tile).digest() == bytes(row["sha256"]), f"tile {x}, {y}: another digest")
-            decoded = decode_tile(tile, x, y, self.origin, self.manifest["drive_scans"])
+            decoded = decode_tile(tile, x, y, self.origin, self.manifest["drives"])
             require(len(decoded.kind) == row["points"], f"tile {x}, {y}: {len(decoded.kind)} points")
             yield decoded

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <stdexcept>
 #include <utility>
 
@@ -97,18 +98,20 @@ bool remove_object(FusedObjects& fused, const maps::Edit& edit,
 
 bool remove_region(FusedObjects& fused, const maps::Edit& edit,
                    const std::vector<EditScan>& scans) {
-  FusedObject object;
-  object.size_m = edit.box->size_m;
-  object.existence = 1.0;
   const double reach_m = kEditReachM + 0.5 * edit.box->size_m.norm();
+  // Objects are of one drive.
+  std::map<std::size_t, FusedObject> by_drive;
   for (std::size_t i = 0; i < scans.size(); ++i) {
-    if (edit.scope.holds(scans[i].drive, scans[i].index) &&
-        (scans[i].sensor - edit.box->centre).norm() < reach_m)
-      object.placements.push_back({i, *edit.box, false});
+    if (!edit.scope.holds(scans[i].drive, scans[i].index) ||
+        (scans[i].sensor - edit.box->centre).norm() >= reach_m)
+      continue;
+    FusedObject& object = by_drive[scans[i].drive_number];
+    object.size_m = edit.box->size_m;
+    object.existence = 1.0;
+    object.placements.push_back({i, *edit.box, false});
   }
-  if (object.placements.empty()) return false;
-  fused.objects.push_back(std::move(object));
-  return true;
+  for (auto& [drive, object] : by_drive) fused.objects.push_back(std::move(object));
+  return !by_drive.empty();
 }
 
 bool apply(FusedObjects& fused, const maps::Edit& edit, const std::vector<EditScan>& scans,
@@ -143,7 +146,7 @@ EditResult apply_edits(FusedObjects& fused, const maps::Edits& edits,
     }
   }
   std::erase_if(fused.objects, [](const FusedObject& object) { return object.placements.empty(); });
-  number_objects(fused.objects);
+  order_objects(fused.objects);
   return result;
 }
 

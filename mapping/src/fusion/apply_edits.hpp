@@ -20,6 +20,8 @@ struct EditScan {
   std::size_t index = 0;
   /// Of the sensor; map frame [m].
   Eigen::Vector3d sensor = Eigen::Vector3d::Zero();
+  /// Which of the drives: several may have one name.
+  std::size_t drive_number = 0;
 };
 
 struct EditResult {
@@ -40,7 +42,7 @@ struct EditResult {
 ///   `kept_regions`.
 /// - remove object: an object there that fusion doubted is taken all the same.
 /// - remove region: what stands in it is removed as an object of unknown class, in the scans within
-///   80 m of it.
+///   80 m of it; one object a drive.
 ///
 /// In the file's order, so a later edit has the last word.
 /// @param scans  one a scan, by ordinal.

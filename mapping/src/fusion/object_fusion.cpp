@@ -72,13 +72,8 @@ class Fusion {
     part(tracks_of(scans_));
     for (FusedObject& object : moving_objects()) keep(std::move(object));
     for (FusedObject& object : standing_objects()) keep(std::move(object));
-    for (std::vector<FusedObject>* objects : {&fused_.objects, &fused_.doubtful}) {
-      std::stable_sort(objects->begin(), objects->end(),
-                       [](const FusedObject& a, const FusedObject& b) {
-                         return a.placements.front().scan < b.placements.front().scan;
-                       });
-      number_objects(*objects);
-    }
+    for (std::vector<FusedObject>* objects : {&fused_.objects, &fused_.doubtful})
+      order_objects(*objects);
     return std::move(fused_);
   }
 
@@ -186,7 +181,10 @@ FusedObjects fuse_boxes(const std::vector<DetectedScan>& scans, const BoxRayCoun
   return Fusion(scans, count_rays).run();
 }
 
-void number_objects(std::vector<FusedObject>& objects) {
+void order_objects(std::vector<FusedObject>& objects) {
+  std::stable_sort(objects.begin(), objects.end(), [](const FusedObject& a, const FusedObject& b) {
+    return a.placements.front().scan < b.placements.front().scan;
+  });
   for (std::size_t i = 0; i < objects.size(); ++i) {
     for (ObjectPlacement& placement : objects[i].placements) {
       placement.box.track = static_cast<int>(i);

@@ -72,7 +72,8 @@ struct FusedObjects {
 [[nodiscard]] FusedObjects fuse_boxes(const std::vector<DetectedScan>& scans,
                                       const BoxRayCounter& count_rays);
 
-/// Writes each object's index, class and existence into the boxes of its placements.
-void number_objects(std::vector<FusedObject>& objects);
+/// Sorts objects by the scan of their first placement, thus by drive, and writes each object's
+/// index, class and existence into the boxes of its placements.
+void order_objects(std::vector<FusedObject>& objects);
 
 }  // namespace stillmap::mapping

@@ -161,11 +161,7 @@ void judge_standing(FusedObjects& fused, const ObstacleStore& obstacles,
     }
     (stays ? fused.objects : fused.doubtful).push_back(std::move(object));
   }
-  std::stable_sort(fused.objects.begin(), fused.objects.end(),
-                   [](const FusedObject& a, const FusedObject& b) {
-                     return a.placements.front().scan < b.placements.front().scan;
-                   });
-  number_objects(fused.objects);
+  order_objects(fused.objects);
 }
 
 }  // namespace stillmap::mapping

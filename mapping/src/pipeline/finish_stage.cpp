@@ -250,10 +250,6 @@ void finish_tiles(Build& build) {
   TopView preview = empty_picture(ids);
   ConsistencySum consistency;
   std::size_t done = 0;
-  std::vector<std::uint32_t> drive_scans;
-  for (const maps::Trajectory& drive : build.drives->trajectories())
-    drive_scans.push_back(static_cast<std::uint32_t>(drive.size()));
-  task.writer.set_drives(std::move(drive_scans));
   for (const char* count : {"cleaned", "filled", "static"}) result.points[count] = 0;
   const auto take = [&](const FinishedTile& finished) {
     consistency.add(finished.consistency);

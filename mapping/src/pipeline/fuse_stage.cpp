@@ -63,7 +63,7 @@ std::vector<EditScan> edit_scans_of(const DriveSet& drives) {
     const DriveSet::Place at = drives.place(i);
     const std::filesystem::path& root = drives.drives()[at.drive].contents().root;
     scans.push_back({std::filesystem::weakly_canonical(root).filename().string(), at.index,
-                     drives.T_map_scan(i).translation()});
+                     drives.T_map_scan(i).translation(), at.drive});
   }
   return scans;
 }

@@ -11,6 +11,16 @@ namespace {
 /// Some 80 bytes each: 400 MiB. A street of the town has some 5,000 voxels of 0.1 m a metre.
 constexpr std::size_t kMostVoxels = 5'000'000;
 
+std::vector<maps::MapManifest::DriveCounts> drive_counts(const DriveSet& drives,
+                                                         const BuildObjects& objects) {
+  std::vector<maps::MapManifest::DriveCounts> counts;
+  for (const maps::Trajectory& drive : drives.trajectories())
+    counts.push_back({.scans = static_cast<std::uint32_t>(drive.size()), .objects = 0});
+  for (const FusedObject& object : objects.objects)
+    ++counts[drives.place(object.placements.front().scan).drive].objects;
+  return counts;
+}
+
 }  // namespace
 
 Placed::Placed(const std::filesystem::path& scratch) : stack(scratch / "tiles", kMostVoxels) {}
@@ -23,6 +33,7 @@ void place_scans(Build& build) {
   build.placed = std::make_unique<Placed>(task.scratch);
   Placed& placed = *build.placed;
   const FusedGround* ground = task.options.fusion ? &survey.ground : nullptr;
+  task.writer.set_drives(drive_counts(drives, objects));
   const PosedViews views = posed_views(drives, survey.views, build.grid->origin());
   process_in_order(
       drives.size(), task.options.threads,

@@ -45,7 +45,11 @@ void write_sources(const Build& build, const std::vector<maps::MapObject>& objec
   write_text(writer.folder() / "sources.sha256", build.survey->sources);
   if (build.posed.graph)
     maps::write_map_graph(writer.folder(), map_graph_of(*build.drives, *build.posed.graph));
-  maps::write_pose_disagreements(writer.folder(), build.disagreements);
+  std::span<const maps::PoseDisagreement> left = build.disagreements;
+  for (std::size_t i = 0; i < trajectories.size() && !left.empty(); ++i) {
+    maps::write_pose_disagreements(writer.folder(), left.first(trajectories[i].size()), i);
+    left = left.subspan(trajectories[i].size());
+  }
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/package_files.hpp>
+#include <stillmap/maps/pose_disagreement.hpp>
 #include <stillmap/maps/text.hpp>
 #include <stillmap/maps/tile_steps.hpp>
 
@@ -9,12 +10,16 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <map>
+#include <numeric>
 #include <set>
+#include <span>
 #include <stdexcept>
 #include <system_error>
 #include <vector>
 
+#include "package/objects_json.hpp"
 #include "package/tile_packs.hpp"
 
 namespace stillmap::maps {
@@ -91,19 +96,87 @@ std::uint64_t listed_bytes(const MapManifest& manifest, TileId id) {
   return bytes;
 }
 
-void write_tiles(const MapPackage& map, MapPackageWriter& writer, PassProgress& progress) {
+/// What a package of schema 1 says of its drives, as schema 2 numbers it.
+class Drives {
+ public:
+  explicit Drives(const MapPackage& map) : map_(map) {
+    for (const Trajectory& drive : map.trajectories())
+      counts_.push_back({.scans = static_cast<std::uint32_t>(drive.size()), .objects = 0});
+    const std::vector<MapObject> objects = map.objects();
+    std::vector<std::uint32_t> order(objects.size());
+    std::iota(order.begin(), order.end(), 0U);
+    // What a user added came last, whatever its drive.
+    std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return objects[a].drive < objects[b].drive;
+    });
+    numbers_.resize(objects.size());
+    for (const std::uint32_t before : order) {
+      numbers_[before] = static_cast<std::uint32_t>(objects_.size());
+      objects_.push_back(objects[before]);
+      if (counts_.empty()) continue;
+      if (objects[before].drive >= counts_.size())
+        throw InputError((map.folder() / objects_path(0)).string(),
+                         fmt::format("an object of drive {}", objects[before].drive),
+                         fmt::format("one of {} drives", counts_.size()));
+      ++counts_[objects[before].drive].objects;
+    }
+  }
+
+  [[nodiscard]] const std::vector<MapManifest::DriveCounts>& counts() const { return counts_; }
+  [[nodiscard]] const std::vector<MapObject>& objects() const { return objects_; }
+  [[nodiscard]] std::vector<PointHistory> history(TileId id) const {
+    std::vector<PointHistory> history = map_.history(id);
+    for (PointHistory& each : history) each.object = number_of(each.object);
+    return history;
+  }
+  /// Without objects of other drives: a user could remove one region from all drives.
+  [[nodiscard]] ScanFates fates(std::size_t drive, std::size_t scan) const {
+    ScanFates fates = map_.fates(scan);
+    for (std::uint32_t& object : fates.objects) {
+      object = number_of(object);
+      if (object > 0 && objects_[object - 1].drive != drive) object = 0;
+    }
+    return fates;
+  }
+  /// Of a scan: numbers over all drives.
+  void for_each_scan(const std::function<void(std::size_t drive, std::size_t scan)>& take) const {
+    std::size_t scan = 0;
+    for (std::size_t drive = 0; drive < counts_.size(); ++drive)
+      for (std::uint32_t i = 0; i < counts_[drive].scans; ++i) take(drive, scan++);
+  }
+
+ private:
+  /// @param object  index plus 1; 0 = none.
+  [[nodiscard]] std::uint32_t number_of(std::uint32_t object) const {
+    if (object == 0) return 0;
+    if (object > numbers_.size())
+      throw InputError(map_.folder().string(), fmt::format("object {}", object),
+                       fmt::format("at most {}", numbers_.size()));
+    return numbers_[object - 1] + 1;
+  }
+
+  const MapPackage& map_;
+  std::vector<MapManifest::DriveCounts> counts_;
+  std::vector<MapObject> objects_;
+  /// New numbers by old ones.
+  std::vector<std::uint32_t> numbers_;
+};
+
+std::uint64_t bytes_of(const MapManifest& manifest, const std::string& path) {
+  const auto file = manifest.files.find(path);
+  return file == manifest.files.end() ? 0 : file->second.bytes;
+}
+
+void write_tiles(const MapPackage& map, const Drives& drives, MapPackageWriter& writer,
+                 PassProgress& progress) {
   const MapManifest& manifest = map.manifest();
-  std::vector<std::uint32_t> drive_scans;
-  for (const Trajectory& drive : map.trajectories())
-    drive_scans.push_back(static_cast<std::uint32_t>(drive.size()));
-  writer.set_drives(std::move(drive_scans));
   for (const TileEntry& entry : manifest.tiles) {
     if (entry.id.level != 0) continue;
     try {
       writer.add_tile(
           entry.id,
           tile_in_steps(map.tile(entry.id), entry.id, manifest.origin, manifest.voxel_size_m),
-          map.history(entry.id));
+          drives.history(entry.id));
     } catch (const std::invalid_argument& refused) {
       throw InputError((map.folder() / tile_path(entry.id)).string(), refused.what(),
                        "what a package of schema 2 can hold");
@@ -112,8 +185,29 @@ void write_tiles(const MapPackage& map, MapPackageWriter& writer, PassProgress& 
   }
 }
 
-std::set<std::string> paths_of_tiles(const MapManifest& manifest) {
-  std::set<std::string> paths;
+/// What lies in a file for each drive.
+void write_drives(const MapPackage& map, const Drives& drives, MapPackageWriter& writer,
+                  PassProgress& progress) {
+  const MapManifest& manifest = map.manifest();
+  if (manifest.files.contains(objects_path(0))) writer.write_objects(drives.objects());
+  progress.add(bytes_of(manifest, objects_path(0)));
+  if (manifest.files.contains(fates_path(0)))
+    drives.for_each_scan(
+        [&](std::size_t drive, std::size_t scan) { writer.add_fates(drives.fates(drive, scan)); });
+  progress.add(bytes_of(manifest, fates_path(0)));
+  const std::vector<PoseDisagreement> of_pose = read_pose_disagreements(map);
+  std::size_t first = 0;
+  for (std::size_t drive = 0; drive < drives.counts().size() && !of_pose.empty(); ++drive) {
+    const std::size_t scans = drives.counts()[drive].scans;
+    write_pose_disagreements(writer.folder(), std::span(of_pose).subspan(first, scans), drive);
+    first += scans;
+  }
+  progress.add(bytes_of(manifest, disagreement_path(0)));
+}
+
+/// Paths of what is written anew.
+std::set<std::string> rewritten_paths(const MapManifest& manifest) {
+  std::set<std::string> paths{objects_path(0), fates_path(0), disagreement_path(0)};
   for (const TileEntry& entry : manifest.tiles) {
     paths.insert(tile_path(entry.id));
     paths.insert(history_path(entry.id));
@@ -122,9 +216,9 @@ std::set<std::string> paths_of_tiles(const MapManifest& manifest) {
 }
 
 void copy_other_files(const MapPackage& map, const fs::path& folder, PassProgress& progress) {
-  const std::set<std::string> of_tiles = paths_of_tiles(map.manifest());
+  const std::set<std::string> rewritten = rewritten_paths(map.manifest());
   for (const auto& [path, listed] : map.manifest().files) {
-    if (of_tiles.contains(path)) continue;
+    if (rewritten.contains(path)) continue;
     std::error_code error;
     fs::create_directories((folder / path).parent_path(), error);
     if (!fs::copy_file(map.folder() / path, folder / path, error) || error)
@@ -133,7 +227,8 @@ void copy_other_files(const MapPackage& map, const fs::path& folder, PassProgres
   }
 }
 
-/// What differs between a point of the package and the same in steps; empty when nothing does.
+/// What differs between a point of the package and the same in steps, besides its object; empty
+/// when nothing does.
 std::string difference(const MapPoint& before, const MapPoint& after,
                        const Eigen::Vector3d& moved_m) {
   constexpr double kRounding = 1e-9;
@@ -142,7 +237,6 @@ std::string difference(const MapPoint& before, const MapPoint& after,
     return fmt::format("a point {:.3f} {:.3f} {:.3f} m from its place in steps", moved_m.x(),
                        moved_m.y(), moved_m.z());
   const bool same = before.observations == after.observations && before.kind == after.kind &&
-                    before.object == after.object &&
                     in_intensity_steps(before.intensity) == after.intensity;
   return same ? "" : "a point that reads back otherwise";
 }
@@ -152,7 +246,8 @@ bool same_history(const PointHistory& a, const PointHistory& b) {
          std::equal(a.normal, a.normal + 3, b.normal) && a.planarity == b.planarity;
 }
 
-void require_same_tile(const MapPackage& before, const MapPackage& after, TileId id) {
+void require_same_tile(const MapPackage& before, const Drives& drives, const MapPackage& after,
+                       TileId id) {
   const auto refuse = [&](const std::string& what) {
     throw InputError((before.folder() / tile_path(id)).string(), what,
                      "points that schema 2 can hold");
@@ -164,22 +259,36 @@ void require_same_tile(const MapPackage& before, const MapPackage& after, TileId
         difference(from[i], to[i], to.from_origin(to[i]) - from.from_origin(from[i]));
     if (!what.empty()) refuse(what);
   }
-  const std::vector<PointHistory> was = before.history(id), is = after.history(id);
+  const std::vector<PointHistory> was = drives.history(id), is = after.history(id);
   if (!std::equal(was.begin(), was.end(), is.begin(), is.end(), same_history))
     refuse("a history that reads back otherwise");
+  const auto same_object = [](const MapPoint& a, const MapPoint& b) {
+    return a.object == b.object;
+  };
+  if (was.empty() && !std::equal(from.begin(), from.end(), to.begin(), same_object))
+    refuse("a point of another object");
 }
 
 /// The package that is replaced may be removed after this.
-void require_same(const MapPackage& before, const MapPackage& after, PassProgress& progress) {
+void require_same(const MapPackage& before, const Drives& drives, const MapPackage& after,
+                  PassProgress& progress) {
   for (const TileEntry& entry : before.manifest().tiles) {
     if (entry.id.level != 0) continue;
-    require_same_tile(before, after, entry.id);
+    require_same_tile(before, drives, after, entry.id);
     progress.add(listed_bytes(before.manifest(), entry.id));
   }
+  const auto refuse = [&](const std::string& path) {
+    throw StorageError((after.folder() / path).string(), "copied to other content");
+  };
+  if (objects_text(after.objects()) != objects_text(drives.objects())) refuse(objects_path(0));
+  drives.for_each_scan([&](std::size_t drive, std::size_t scan) {
+    if (after.fates(scan) != drives.fates(drive, scan)) refuse(fates_path(drive));
+  });
+  const std::set<std::string> rewritten = rewritten_paths(before.manifest());
   for (const auto& [path, file] : after.manifest().files) {
     const auto listed = before.manifest().files.find(path);
-    if (listed != before.manifest().files.end() && listed->second.sha256 != file.sha256)
-      throw StorageError((after.folder() / path).string(), "copied to other bytes");
+    if (listed == before.manifest().files.end() || rewritten.contains(path)) continue;
+    if (listed->second.sha256 != file.sha256) refuse(path);
   }
 }
 
@@ -197,17 +306,20 @@ std::string convert_package(const MapPackage& map, const fs::path& target,
                                 std::to_string(map.manifest().schema) + ", 1 expected");
   PassProgress progress(work, map.manifest());
   require_whole_files(map, progress);
+  const Drives drives(map);
   std::string digest;
   {
     MapPackageWriter writer(target, {}, kPackageSchema);
     progress.begin(1);
-    write_tiles(map, writer, progress);
+    writer.set_drives(drives.counts());
+    write_tiles(map, drives, writer, progress);
+    write_drives(map, drives, writer, progress);
     copy_other_files(map, writer.folder(), progress);
     digest = writer.publish(map.manifest(), build_text(map.folder()));
   }
   progress.begin(2);
   try {
-    require_same(map, *MapPackage::open(target), progress);
+    require_same(map, drives, *MapPackage::open(target), progress);
   } catch (...) {
     std::error_code ignored;
     fs::remove_all(target, ignored);
@@ -233,7 +345,9 @@ ConversionRoom conversion_room(const MapManifest& manifest) {
     pack += bytes;
     room.beside_bytes = std::max(room.beside_bytes, pack);
   }
-  const std::set<std::string> of_tiles = paths_of_tiles(manifest);
+  std::set<std::string> of_tiles;
+  for (const TileEntry& entry : manifest.tiles)
+    of_tiles.insert({tile_path(entry.id), history_path(entry.id)});
   for (const auto& [path, file] : manifest.files)
     if (!of_tiles.contains(path)) room.package_bytes += file.bytes;
   return room;

@@ -2,14 +2,16 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <iterator>
-#include <numeric>
 #include <set>
+#include <stdexcept>
 #include <utility>
 
 #include <stillmap/maps/package_files.hpp>
@@ -87,17 +89,30 @@ MapTile tile_of(TileId id, const Eigen::Vector3d& origin, std::vector<MapPoint> 
   return {origin, corner, std::move(points)};
 }
 
-/// A scan's number over all drives. @throws InputError for one that no drive has.
-std::uint32_t number_of(const SourceScan& scan, const MapManifest& manifest,
-                        const std::string& name) {
-  if (manifest.drive_scans.empty() && scan.source == 0) return scan.scan;
-  if (scan.source >= manifest.drive_scans.size() || scan.scan >= manifest.drive_scans[scan.source])
-    throw InputError(
-        name, "scan " + std::to_string(scan.scan) + " of drive " + std::to_string(scan.source),
-        "one of manifest.json's drive_scans: copy or build the map again");
-  return std::accumulate(manifest.drive_scans.begin(),
-                         manifest.drive_scans.begin() + static_cast<std::ptrdiff_t>(scan.source),
-                         scan.scan);
+/// A number over all drives. @throws InputError for one that no drive has.
+template <typename OverAll>
+std::uint32_t number_of(DriveNumber what, const std::string& name, const OverAll& over_all) {
+  try {
+    return over_all(what);
+  } catch (const std::out_of_range&) {
+    throw InputError(name, fmt::format("number {} of drive {}", what.number, what.drive),
+                     "one of manifest.json's drives: copy or build the map again");
+  }
+}
+
+/// As `MapPoint::object`. @param object  number over all drives.
+std::uint8_t short_object(std::uint32_t object) {
+  constexpr std::uint32_t kShort = 255;
+  return static_cast<std::uint8_t>(1 + object % kShort);
+}
+
+/// Calls `take(point, object's number over all drives)` for each point that belongs to an object.
+template <typename Take>
+void for_each_of_objects(const TileContent& tile, const DriveNumbers& numbers,
+                         const std::string& name, const Take& take) {
+  for (const auto& [point, object] : tile.of_objects)
+    take(point, number_of(object, name,
+                          [&](DriveNumber number) { return numbers.object_over_all(number); }));
 }
 
 }  // namespace
@@ -119,6 +134,7 @@ std::shared_ptr<const MapPackage> MapPackage::open(const fs::path& folder) {
   for (const auto& [path, file] : package->manifest_.files) check_file(folder / path, file);
   if (package->manifest_.schema > 1) {
     package->packs_ = std::make_unique<PackReader>(folder, package->manifest_.files);
+    package->numbers_ = std::make_unique<DriveNumbers>(package->manifest_.drives);
     return package;
   }
   for (const TileEntry& tile : package->manifest_.tiles) {
@@ -180,7 +196,11 @@ bool MapPackage::has_history(TileId id) const {
 MapTile MapPackage::tile(TileId id) const {
   if (packs_) {
     if (!has_tile(id)) return {};
-    TileContent content = decode_tile(packs_->bytes(id), packs_->name_of(id), false);
+    const std::string name = packs_->name_of(id);
+    TileContent content = decode_tile(packs_->bytes(id), name, false);
+    for_each_of_objects(content, *numbers_, name, [&](std::uint32_t point, std::uint32_t object) {
+      content.points[point].object = short_object(object);
+    });
     return {manifest_.origin,
             {kTileSizeM * id.x, kTileSizeM * id.y, static_cast<double>(content.z_base_m)},
             std::move(content.points)};
@@ -194,13 +214,23 @@ std::vector<PointHistory> MapPackage::history(TileId id) const {
   if (packs_) {
     if (!has_tile(id)) return {};
     const std::string name = packs_->name_of(id);
+    const TileContent content = decode_tile(packs_->bytes(id), name);
     std::vector<PointHistory> history;
-    for (const TilePointHistory& each : decode_tile(packs_->bytes(id), name).history)
-      history.push_back({number_of(each.first, manifest_, name),
-                         number_of(each.last, manifest_, name),
-                         each.object,
+    history.reserve(content.history.size());
+    const auto scan_of = [&](DriveNumber scan) {
+      return number_of(scan, name,
+                       [&](DriveNumber number) { return numbers_->scan_over_all(number); });
+    };
+    for (const TilePointHistory& each : content.history)
+      history.push_back({scan_of(each.first),
+                         scan_of(each.last),
+                         0,
                          {each.normal[0], each.normal[1], each.normal[2]},
                          each.planarity});
+    if (!history.empty())
+      for_each_of_objects(content, *numbers_, name, [&](std::uint32_t point, std::uint32_t object) {
+        history[point].object = object + 1;
+      });
     return history;
   }
   const auto found = histories_.find(id);
@@ -228,14 +258,48 @@ std::vector<Trajectory> MapPackage::trajectories() const {
 }
 
 ScanFates MapPackage::fates(std::size_t scan) const {
-  if (!manifest_.files.contains(kFatesName)) return {};
-  return read_fates(folder_ / kFatesName, scan);
+  DriveNumber of_drive{0, static_cast<std::uint32_t>(scan)};
+  if (numbers_) {
+    try {
+      of_drive = numbers_->scan(of_drive.number);
+    } catch (const std::out_of_range&) {
+      throw InputError(folder_.string(), fmt::format("scan {}", scan), "one that a drive has");
+    }
+  }
+  const std::string path = fates_path(of_drive.drive);
+  if (!manifest_.files.contains(path)) return {};
+  ScanFates fates = read_fates(folder_ / path, of_drive.number);
+  for (std::uint32_t& object : fates.objects) {
+    if (!numbers_ || object == 0) continue;
+    object = 1 + number_of({of_drive.drive, object - 1}, path,
+                           [&](DriveNumber number) { return numbers_->object_over_all(number); });
+  }
+  return fates;
 }
 
 std::vector<MapObject> MapPackage::objects() const {
-  if (!manifest_.files.contains(kObjectsName)) return {};
-  const fs::path file = folder_ / kObjectsName;
-  return parse_objects(read_text(file), file.string());
+  const auto in_file = [&](const std::string& path) {
+    if (!manifest_.files.contains(path)) return std::vector<MapObject>{};
+    const fs::path file = folder_ / path;
+    return parse_objects(read_text(file), file.string());
+  };
+  if (manifest_.drives.empty()) return in_file(objects_path(0));
+  std::vector<MapObject> all;
+  std::size_t scans = 0;
+  for (std::size_t drive = 0; drive < manifest_.drives.size(); ++drive) {
+    const std::string path = objects_path(drive);
+    std::vector<MapObject> own = in_file(path);
+    if (own.size() != manifest_.drives[drive].objects)
+      throw InputError((folder_ / path).string(), fmt::format("{} objects", own.size()),
+                       fmt::format("{} as in manifest.json: copy or build the map again",
+                                   manifest_.drives[drive].objects));
+    for (MapObject& object : own) {
+      count_over_all(object, drive, scans);
+      all.push_back(std::move(object));
+    }
+    scans += manifest_.drives[drive].scans;
+  }
+  return all;
 }
 
 std::vector<Eigen::Isometry3d> MapPackage::places() const {

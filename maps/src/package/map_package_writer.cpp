@@ -12,6 +12,7 @@
 #include <utility>
 
 #include <stillmap/maps/package_files.hpp>
+#include "package/drive_numbers.hpp"
 #include "package/objects_json.hpp"
 #include "package/tile_packs.hpp"
 #include "storage/write_file.hpp"
@@ -40,14 +41,14 @@ TileEntry entry_of(TileId id, std::span<const MapPoint> points) {
   return entry;
 }
 
-/// A scan's drive and its number there. @throws std::invalid_argument for one that no drive has.
-SourceScan scan_of(std::uint32_t number, const std::vector<std::uint32_t>& drive_scans) {
-  if (drive_scans.empty()) return {0, number};
-  SourceScan scan{0, number};
-  while (scan.source < drive_scans.size() && scan.scan >= drive_scans[scan.source])
-    scan.scan -= drive_scans[scan.source++];
-  if (scan.source < drive_scans.size()) return scan;
-  throw std::invalid_argument("scan " + std::to_string(number) + " of no drive");
+/// @throws std::invalid_argument for a number of no drive.
+template <typename OfDrive>
+DriveNumber number_of(std::uint32_t over_all, const char* what, const OfDrive& of_drive) {
+  try {
+    return of_drive(over_all);
+  } catch (const std::out_of_range&) {
+    throw std::invalid_argument(fmt::format("{} {} of no drive", what, over_all));
+  }
 }
 
 std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::path& folder,
@@ -70,7 +71,10 @@ std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::pat
 
 MapPackageWriter::MapPackageWriter(const std::filesystem::path& target, std::string survivor,
                                    int schema)
-    : folder_(target, survivor), survivor_(std::move(survivor)), schema_(schema) {
+    : folder_(target, survivor),
+      survivor_(std::move(survivor)),
+      schema_(schema),
+      numbers_(std::make_unique<DriveNumbers>()) {
   if (schema_ > 1) {
     packs_ = std::make_unique<PackWriter>(folder_.path());
   } else {
@@ -112,18 +116,53 @@ void MapPackageWriter::add_tile(TileId id, const MapTile& tile,
   const Eigen::Vector3d corner = corner_of(id) + content.z_base_m * Eigen::Vector3d::UnitZ();
   for (const MapPoint& point : tile)
     content.points.push_back(moved_to(point, tile.from_origin(point) - corner));
+  const auto scan_of = [&](std::uint32_t scan) {
+    return number_of(scan, "scan", [&](std::uint32_t number) { return numbers_->scan(number); });
+  };
   for (const PointHistory& each : history)
-    content.history.push_back({scan_of(each.first_scan, drive_scans_),
-                               scan_of(each.last_scan, drive_scans_),
-                               each.object,
+    content.history.push_back({scan_of(each.first_scan),
+                               scan_of(each.last_scan),
                                {each.normal[0], each.normal[1], each.normal[2]},
                                each.planarity});
+  for (std::uint32_t i = 0; i < content.points.size(); ++i) {
+    // Without histories the short number is all that is known.
+    const std::uint32_t object = history.empty() ? content.points[i].object : history[i].object;
+    if (object > 0) content.of_objects.push_back({i, object_of(object - 1)});
+  }
   packs_->add(id, content);
 }
 
+DriveNumber MapPackageWriter::object_of(std::uint32_t over_all) const {
+  return number_of(over_all, "object",
+                   [&](std::uint32_t number) { return numbers_->object(number); });
+}
+
+void MapPackageWriter::set_drives(std::vector<MapManifest::DriveCounts> drives) {
+  numbers_ = std::make_unique<DriveNumbers>(std::move(drives));
+}
+
 void MapPackageWriter::add_fates(const ScanFates& fates) {
-  if (!fates_) fates_ = std::make_unique<FatesWriter>(folder_.path() / kFatesName);
-  fates_->add(fates);
+  if (schema_ == 1) {
+    if (!fates_) fates_ = std::make_unique<FatesWriter>(folder_.path() / fates_path(0));
+    return fates_->add(fates);
+  }
+  const DriveNumber scan = number_of(fates_scans_++, "scan",
+                                     [&](std::uint32_t number) { return numbers_->scan(number); });
+  if (!fates_ || scan.drive != fates_drive_) {
+    if (fates_) fates_->finish();
+    fates_drive_ = scan.drive;
+    fates_ = std::make_unique<FatesWriter>(folder_.path() / fates_path(scan.drive));
+  }
+  ScanFates own = fates;
+  for (std::uint32_t& object : own.objects) {
+    if (object == 0) continue;
+    const DriveNumber of_drive = object_of(object - 1);
+    if (of_drive.drive != scan.drive)
+      throw std::invalid_argument(
+          fmt::format("an object of drive {} in a scan of drive {}", of_drive.drive, scan.drive));
+    object = of_drive.number + 1;
+  }
+  fates_->add(own);
 }
 
 void MapPackageWriter::write_trajectory(const Trajectory& trajectory, std::size_t drive) {
@@ -131,7 +170,25 @@ void MapPackageWriter::write_trajectory(const Trajectory& trajectory, std::size_
 }
 
 void MapPackageWriter::write_objects(const std::vector<MapObject>& objects) {
-  write_file(folder_.path() / kObjectsName, objects_text(objects));
+  const std::vector<MapManifest::DriveCounts>& drives = numbers_->drives();
+  if (schema_ == 1 || drives.empty()) {
+    write_file(folder_.path() / objects_path(0), objects_text(objects));
+    return;
+  }
+  auto at = objects.begin();
+  std::uint32_t first_scan = 0;
+  for (std::size_t drive = 0; drive < drives.size(); ++drive) {
+    std::vector<MapObject> own;
+    for (; at != objects.end() && at->drive == drive; ++at) own.push_back(*at);
+    if (own.size() != drives[drive].objects)
+      throw std::invalid_argument(fmt::format("{} objects of drive {}, {} expected", own.size(),
+                                              drive, drives[drive].objects));
+    for (MapObject& object : own) count_from_drive(object, first_scan);
+    first_scan += drives[drive].scans;
+    write_file(folder_.path() / objects_path(drive), objects_text(own));
+  }
+  if (at != objects.end())
+    throw std::invalid_argument(fmt::format("an object of drive {} out of its order", at->drive));
 }
 
 void MapPackageWriter::write_places(const std::vector<Eigen::Isometry3d>& T_map_place) {
@@ -150,7 +207,7 @@ void MapPackageWriter::write_places(const std::vector<Eigen::Isometry3d>& T_map_
 std::string MapPackageWriter::publish(MapManifest manifest, const std::string& build_json) {
   if (fates_) std::exchange(fates_, nullptr)->finish();
   manifest.schema = schema_;
-  manifest.drive_scans = drive_scans_;
+  manifest.drives = numbers_->drives();
   if (packs_) tiles_ = packs_->finish();
   // Tiles may be added in any order; the digest must not tell.
   std::sort(tiles_.begin(), tiles_.end(),

@@ -91,4 +91,18 @@ std::vector<MapObject> parse_objects(std::string_view text, const std::string& f
   return objects;
 }
 
+void count_from_drive(MapObject& object, std::size_t first_scan) {
+  object.drive = 0;
+  object.first_scan -= first_scan;
+  object.last_scan -= first_scan;
+  for (MapObject::Placement& each : object.placements) each.scan -= first_scan;
+}
+
+void count_over_all(MapObject& object, std::size_t drive, std::size_t first_scan) {
+  object.drive = drive;
+  object.first_scan += first_scan;
+  object.last_scan += first_scan;
+  for (MapObject::Placement& each : object.placements) each.scan += first_scan;
+}
+
 }  // namespace stillmap::maps

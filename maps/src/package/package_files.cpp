@@ -152,6 +152,28 @@ void check_tiles_are_listed(const MapManifest& manifest, const std::string& file
   if (twice != ids.end()) throw InputError(file, tile_path(*twice) + " twice", "each tile once");
 }
 
+/// `stem.ending` of the first drive, then `stem_2.ending`, `stem_3.ending`.
+std::string path_of_drive(const char* stem, std::size_t drive, const char* ending) {
+  const std::string number = drive == 0 ? "" : "_" + std::to_string(drive + 1);
+  return stem + number + ending;
+}
+
+/// Their numbers over all drives have 32 bits.
+std::vector<MapManifest::DriveCounts> drives_from(const JsonField& field) {
+  std::vector<MapManifest::DriveCounts> drives;
+  std::int64_t scans_left = std::numeric_limits<std::uint32_t>::max(), objects_left = scans_left;
+  const auto take = [](const JsonField& count, std::int64_t& left) {
+    const std::int64_t taken = count.integer(0, left);
+    left -= taken;
+    return static_cast<std::uint32_t>(taken);
+  };
+  field.each([&](const JsonField& drive) {
+    drives.push_back(
+        {take(drive.at("scans"), scans_left), take(drive.at("objects"), objects_left)});
+  });
+  return drives;
+}
+
 std::map<std::string, std::string> texts_from(const JsonField& field) {
   std::map<std::string, std::string> texts;
   field.each_member(
@@ -180,7 +202,15 @@ std::string history_path(TileId id) {
 }
 
 std::string trajectory_path(std::size_t drive) {
-  return drive == 0 ? "trajectory.tum" : "trajectory_" + std::to_string(drive + 1) + ".tum";
+  return path_of_drive("trajectory", drive, ".tum");
+}
+
+std::string objects_path(std::size_t drive) { return path_of_drive("objects", drive, ".json"); }
+
+std::string fates_path(std::size_t drive) { return path_of_drive("fates", drive, ".bin"); }
+
+std::string disagreement_path(std::size_t drive) {
+  return path_of_drive("disagreement", drive, ".txt");
 }
 
 std::string manifest_text(const MapManifest& manifest) {
@@ -200,7 +230,9 @@ std::string manifest_text(const MapManifest& manifest) {
     root["tiles"] = json::array();
     for (const TileEntry& tile : manifest.tiles) root["tiles"].push_back(to_json(tile));
   } else {
-    root["drive_scans"] = manifest.drive_scans;
+    root["drives"] = json::array();
+    for (const auto& drive : manifest.drives)
+      root["drives"].push_back({{"scans", drive.scans}, {"objects", drive.objects}});
     root["extent"] = to_json(manifest.extent);
   }
   for (const auto& [path, file] : manifest.files) {
@@ -236,10 +268,7 @@ MapManifest parse_manifest(std::string_view text, const std::string& file) {
     for (const TileEntry& tile : manifest.tiles) manifest.extent.add(tile);
   } else {
     manifest.extent = extent_from(root.at("extent"));
-    root.at("drive_scans").each([&](const JsonField& field) {
-      manifest.drive_scans.push_back(
-          static_cast<std::uint32_t>(field.integer(0, std::numeric_limits<std::uint32_t>::max())));
-    });
+    manifest.drives = drives_from(root.at("drives"));
   }
   root.at("files").each_member([&](const std::string& path, const JsonField& field) {
     manifest.files[path] = file_from(path, field);

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 namespace stillmap::maps {
 namespace {
@@ -20,7 +21,7 @@ constexpr std::int64_t kMostHeightSteps = 65536;
 /// 524 km: no float may carry a height out of its 32 bits.
 constexpr std::int32_t kMostTallSteps = 1 << 30;
 
-enum TileFlag : std::uint32_t { kHasHistory = 1, kWideScanNumbers = 2 };
+enum TileFlag : std::uint32_t { kHasHistory = 1, kWideScanRows = 2, kWideObjectRows = 4 };
 
 /// The first bytes of a tile.
 struct TileHead {
@@ -31,17 +32,20 @@ struct TileHead {
   std::uint32_t tall = 0;
   /// Points that belong to an object.
   std::uint32_t of_objects = 0;
-  /// Scans that the histories name.
+  /// Scans that the histories name, and objects that points belong to.
   std::uint32_t scans = 0;
+  std::uint32_t objects = 0;
+  std::uint32_t unused = 0;
 };
-static_assert(sizeof(TileHead) == 24);
+static_assert(sizeof(TileHead) == 32);
 
 /// Where each column of a tile begins, in their order; each at a multiple of 8.
 struct Columns {
   explicit Columns(const TileHead& head) {
     const std::uint64_t n = head.points;
     const bool has_history = (head.flags & kHasHistory) != 0;
-    const std::uint64_t number_bytes = (head.flags & kWideScanNumbers) != 0 ? 4 : 2;
+    const std::uint64_t scan_bytes = (head.flags & kWideScanRows) != 0 ? 4 : 2;
+    const std::uint64_t object_bytes = (head.flags & kWideObjectRows) != 0 ? 4 : 2;
     end = sizeof(TileHead);
     x = take(2 * n);
     y = take(2 * n);
@@ -52,13 +56,15 @@ struct Columns {
     tall_index = take(4 * std::uint64_t{head.tall});
     tall_steps = take(4 * std::uint64_t{head.tall});
     object_index = take(4 * std::uint64_t{head.of_objects});
-    object = take(4 * std::uint64_t{head.of_objects});
+    object = take(object_bytes * head.of_objects);
+    object_drive = take(4 * std::uint64_t{head.objects});
+    object_number = take(4 * std::uint64_t{head.objects});
     normal = take(has_history ? 3 * n : 0);
     planarity = take(has_history ? n : 0);
-    scan_source = take(4 * std::uint64_t{head.scans});
+    scan_drive = take(4 * std::uint64_t{head.scans});
     scan_number = take(4 * std::uint64_t{head.scans});
-    first = take(has_history ? number_bytes * n : 0);
-    last = take(has_history ? number_bytes * n : 0);
+    first = take(has_history ? scan_bytes * n : 0);
+    last = take(has_history ? scan_bytes * n : 0);
   }
 
   std::uint64_t take(std::uint64_t bytes) {
@@ -68,8 +74,9 @@ struct Columns {
   }
 
   std::uint64_t x = 0, y = 0, z = 0, intensity = 0, observations = 0, kind = 0;
-  std::uint64_t tall_index = 0, tall_steps = 0, object_index = 0, object = 0;
-  std::uint64_t normal = 0, planarity = 0, scan_source = 0, scan_number = 0, first = 0, last = 0;
+  std::uint64_t tall_index = 0, tall_steps = 0;
+  std::uint64_t object_index = 0, object = 0, object_drive = 0, object_number = 0;
+  std::uint64_t normal = 0, planarity = 0, scan_drive = 0, scan_number = 0, first = 0, last = 0;
   std::uint64_t end = 0;
 };
 
@@ -126,16 +133,57 @@ class TileReader {
   std::span<const std::byte> bytes_;
 };
 
-std::vector<SourceScan> scans_of(const std::vector<TilePointHistory>& history) {
-  std::vector<SourceScan> scans;
-  scans.reserve(2 * history.size());
-  for (const TilePointHistory& each : history) {
+/// Scans or objects that a tile names, each once, in ascending order.
+class NamedRows {
+ public:
+  explicit NamedRows(const std::vector<DriveNumber>& named) {
+    rows_.reserve(named.size());
+    for (const DriveNumber& each : named) rows_.push_back(key_of(each));
+    std::sort(rows_.begin(), rows_.end());
+    rows_.erase(std::unique(rows_.begin(), rows_.end()), rows_.end());
+  }
+
+  [[nodiscard]] std::uint32_t size() const { return static_cast<std::uint32_t>(rows_.size()); }
+  /// Whether rows need more than 16 bits.
+  [[nodiscard]] bool is_wide() const { return rows_.size() > kMostSteps; }
+  void write_table(std::uint64_t drives, std::uint64_t numbers, TileWriter& out) const {
+    for (std::size_t k = 0; k < rows_.size(); ++k) {
+      out.put(drives, k, static_cast<std::uint32_t>(rows_[k] >> 32U));
+      out.put(numbers, k, static_cast<std::uint32_t>(rows_[k]));
+    }
+  }
+  void write_row(std::uint64_t column, std::size_t i, DriveNumber named, TileWriter& out) const {
+    const auto row = std::lower_bound(rows_.begin(), rows_.end(), key_of(named)) - rows_.begin();
+    if (is_wide()) {
+      out.put(column, i, static_cast<std::uint32_t>(row));
+    } else {
+      out.put(column, i, static_cast<std::uint16_t>(row));
+    }
+  }
+
+ private:
+  /// Ascends as the number does, and is compared faster.
+  static std::uint64_t key_of(DriveNumber number) {
+    return std::uint64_t{number.drive} << 32U | number.number;
+  }
+  std::vector<std::uint64_t> rows_;
+};
+
+NamedRows scans_of(const TileContent& tile) {
+  std::vector<DriveNumber> scans;
+  scans.reserve(2 * tile.history.size());
+  for (const TilePointHistory& each : tile.history) {
     scans.push_back(each.first);
     scans.push_back(each.last);
   }
-  std::sort(scans.begin(), scans.end());
-  scans.erase(std::unique(scans.begin(), scans.end()), scans.end());
-  return scans;
+  return NamedRows(scans);
+}
+
+NamedRows objects_of(const TileContent& tile) {
+  std::vector<DriveNumber> objects;
+  objects.reserve(tile.of_objects.size());
+  for (const TilePointOfObject& each : tile.of_objects) objects.push_back(each.object);
+  return NamedRows(objects);
 }
 
 void require_encodable(const TileContent& tile) {
@@ -146,6 +194,12 @@ void require_encodable(const TileContent& tile) {
   if (tile.points.size() > std::numeric_limits<std::uint32_t>::max()) fail("more than 2^32 points");
   if (!tile.history.empty() && tile.history.size() != tile.points.size())
     fail(fmt::format("{} points and {} histories", tile.points.size(), tile.history.size()));
+  std::int64_t before = -1;
+  for (const TilePointOfObject& each : tile.of_objects) {
+    if (each.point <= before || each.point >= tile.points.size())
+      fail(fmt::format("an object of point {} after {}", each.point, before));
+    before = each.point;
+  }
   for (const MapPoint& p : tile.points) {
     if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z) ||
         !std::isfinite(p.intensity))
@@ -154,14 +208,8 @@ void require_encodable(const TileContent& tile) {
   }
 }
 
-/// Of a tile without histories the short number is all that is known.
-std::uint32_t object_of(const TileContent& tile, std::size_t i) {
-  return tile.history.empty() ? tile.points[i].object : tile.history[i].object;
-}
-
 void write_points(const TileContent& tile, const Columns& columns, TileWriter& out) {
   std::size_t tall = 0;
-  std::size_t of_objects = 0;
   for (std::size_t i = 0; i < tile.points.size(); ++i) {
     const MapPoint& p = tile.points[i];
     out.put(columns.x, i, tile_step_of(p.x));
@@ -176,31 +224,25 @@ void write_points(const TileContent& tile, const Columns& columns, TileWriter& o
     out.put(columns.intensity, i, half_of(p.intensity));
     out.put(columns.observations, i, p.observations);
     out.put(columns.kind, i, p.kind);
-    const std::uint32_t object = object_of(tile, i);
-    if (object == 0) continue;
-    out.put(columns.object_index, of_objects, static_cast<std::uint32_t>(i));
-    out.put(columns.object, of_objects++, object);
   }
 }
 
-void write_history(const TileContent& tile, const std::vector<SourceScan>& scans, bool wide,
-                   const Columns& columns, TileWriter& out) {
-  for (std::size_t k = 0; k < scans.size(); ++k) {
-    out.put(columns.scan_source, k, scans[k].source);
-    out.put(columns.scan_number, k, scans[k].scan);
+void write_objects(const TileContent& tile, const NamedRows& objects, const Columns& columns,
+                   TileWriter& out) {
+  for (std::size_t i = 0; i < tile.of_objects.size(); ++i) {
+    out.put(columns.object_index, i, tile.of_objects[i].point);
+    objects.write_row(columns.object, i, tile.of_objects[i].object, out);
   }
-  const auto put_number = [&](std::uint64_t column, std::size_t i, const SourceScan& scan) {
-    const auto at = std::lower_bound(scans.begin(), scans.end(), scan) - scans.begin();
-    if (wide) {
-      out.put(column, i, static_cast<std::uint32_t>(at));
-    } else {
-      out.put(column, i, static_cast<std::uint16_t>(at));
-    }
-  };
+  objects.write_table(columns.object_drive, columns.object_number, out);
+}
+
+void write_history(const TileContent& tile, const NamedRows& scans, const Columns& columns,
+                   TileWriter& out) {
+  scans.write_table(columns.scan_drive, columns.scan_number, out);
   for (std::size_t i = 0; i < tile.history.size(); ++i) {
     const TilePointHistory& each = tile.history[i];
-    put_number(columns.first, i, each.first);
-    put_number(columns.last, i, each.last);
+    scans.write_row(columns.first, i, each.first, out);
+    scans.write_row(columns.last, i, each.last, out);
     out.put(columns.normal, i, each.normal);
     out.put(columns.planarity, i, each.planarity);
   }
@@ -214,7 +256,7 @@ TileHead read_head(std::span<const std::byte> bytes, const std::string& name) {
   if (bytes.size() < sizeof(head)) refuse(fmt::format("{} bytes", bytes.size()), "a tile's head");
   std::memcpy(&head, bytes.data(), sizeof(head));
   if (head.points == 0) refuse("a tile without points", "at least one");
-  constexpr std::uint32_t kKnownFlags = kHasHistory | kWideScanNumbers;
+  constexpr std::uint32_t kKnownFlags = kHasHistory | kWideScanRows | kWideObjectRows;
   if ((head.flags & ~kKnownFlags) != 0)
     refuse(fmt::format("flags {}", head.flags), fmt::format("at most {}", kKnownFlags));
   const std::uint64_t expected = Columns(head).end;
@@ -224,33 +266,40 @@ TileHead read_head(std::span<const std::byte> bytes, const std::string& name) {
   return head;
 }
 
-/// Two columns that say something of some points only: which, and what.
-struct Listed {
-  std::uint64_t indices = 0;
-  std::uint64_t numbers = 0;
-  std::uint32_t rows = 0;
-};
-
-/// Calls `set(index, number)` for each row. @throws InputError if an index is not above the one
-/// before, or beyond the points.
-template <typename Number, typename Set>
-void for_each_listed(const TileReader& in, const Listed& listed, std::size_t points,
-                     const std::string& name, const Set& set) {
+/// Goes through a column of points. @throws InputError if one is not above the one before, or there
+/// are no so many.
+template <typename Take>
+void for_each_listed(const TileReader& in, std::uint64_t column, std::uint32_t rows,
+                     std::size_t points, const std::string& name, const Take& take) {
   std::int64_t before = -1;
-  for (std::uint32_t row = 0; row < listed.rows; ++row) {
-    const auto index = in.at<std::uint32_t>(listed.indices, row);
+  for (std::uint32_t row = 0; row < rows; ++row) {
+    const auto index = in.at<std::uint32_t>(column, row);
     if (index >= points || index <= before)
       throw InputError(name, fmt::format("index {} after {} of {} points", index, before, points),
                        "ascending ones: copy or build the map again");
     before = index;
-    set(index, in.at<Number>(listed.numbers, row));
+    take(row, index);
   }
 }
 
-std::uint8_t short_object(std::uint32_t object) {
-  constexpr std::uint32_t kShort = 255;
-  return object == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(1 + (object - 1) % kShort);
-}
+/// Where a table of scans or objects lies, and how wide its rows are told.
+struct NamedTable {
+  std::uint64_t drives = 0, numbers = 0;
+  std::uint32_t rows = 0;
+  bool is_wide = false;
+  const char* what = "";
+
+  /// What the i-th number of a column names.
+  [[nodiscard]] DriveNumber at(const TileReader& in, std::uint64_t column, std::size_t i,
+                               const std::string& name) const {
+    const std::uint32_t row =
+        is_wide ? in.at<std::uint32_t>(column, i) : in.at<std::uint16_t>(column, i);
+    if (row >= rows)
+      throw InputError(name, fmt::format("{} {}", what, row),
+                       fmt::format("below {}: copy or build the map again", rows));
+    return {in.at<std::uint32_t>(drives, row), in.at<std::uint32_t>(numbers, row)};
+  }
+};
 
 void read_points(const TileReader& in, const TileHead& head, const Columns& columns,
                  const std::string& name, TileContent& tile) {
@@ -269,42 +318,35 @@ void read_points(const TileReader& in, const TileHead& head, const Columns& colu
                        "0 to 3: copy or build the map again");
     p.kind = static_cast<PointKind>(kind);
   }
-  for_each_listed<std::int32_t>(
-      in, {columns.tall_index, columns.tall_steps, head.tall}, head.points, name,
-      [&](std::uint32_t i, std::int32_t step) {
-        if (std::abs(static_cast<double>(step)) > kMostTallSteps)
-          throw InputError(name, fmt::format("{} steps of height", step),
-                           fmt::format("at most {}: copy or build the map again", kMostTallSteps));
-        tile.points[i].z = height_of(step);
-      });
-  for_each_listed<std::uint32_t>(
-      in, {columns.object_index, columns.object, head.of_objects}, head.points, name,
-      [&](std::uint32_t i, std::uint32_t object) { tile.points[i].object = short_object(object); });
+  for_each_listed(in, columns.tall_index, head.tall, head.points, name,
+                  [&](std::uint32_t row, std::uint32_t i) {
+                    const auto step = in.at<std::int32_t>(columns.tall_steps, row);
+                    if (std::abs(static_cast<double>(step)) > kMostTallSteps)
+                      throw InputError(
+                          name, fmt::format("{} steps of height", step),
+                          fmt::format("at most {}: copy or build the map again", kMostTallSteps));
+                    tile.points[i].z = height_of(step);
+                  });
+  const NamedTable objects{columns.object_drive, columns.object_number, head.objects,
+                           (head.flags & kWideObjectRows) != 0, "object"};
+  for_each_listed(in, columns.object_index, head.of_objects, head.points, name,
+                  [&](std::uint32_t row, std::uint32_t i) {
+                    tile.of_objects.push_back({i, objects.at(in, columns.object, row, name)});
+                  });
 }
 
 void read_history(const TileReader& in, const TileHead& head, const Columns& columns,
                   const std::string& name, TileContent& tile) {
-  const auto scan_of = [&](std::uint64_t column, std::size_t i) -> SourceScan {
-    const std::uint32_t row = (head.flags & kWideScanNumbers) != 0
-                                  ? in.at<std::uint32_t>(column, i)
-                                  : in.at<std::uint16_t>(column, i);
-    if (row >= head.scans)
-      throw InputError(name, fmt::format("scan {} of point {}", row, i),
-                       fmt::format("below {}: copy or build the map again", head.scans));
-    return {in.at<std::uint32_t>(columns.scan_source, row),
-            in.at<std::uint32_t>(columns.scan_number, row)};
-  };
+  const NamedTable scans{columns.scan_drive, columns.scan_number, head.scans,
+                         (head.flags & kWideScanRows) != 0, "scan"};
   tile.history.resize(head.points);
   for (std::size_t i = 0; i < head.points; ++i) {
     TilePointHistory& each = tile.history[i];
-    each.first = scan_of(columns.first, i);
-    each.last = scan_of(columns.last, i);
+    each.first = scans.at(in, columns.first, i, name);
+    each.last = scans.at(in, columns.last, i, name);
     each.normal = in.at<std::array<std::int8_t, 3>>(columns.normal, i);
     each.planarity = in.at<std::uint8_t>(columns.planarity, i);
   }
-  for_each_listed<std::uint32_t>(
-      in, {columns.object_index, columns.object, head.of_objects}, head.points, name,
-      [&](std::uint32_t i, std::uint32_t object) { tile.history[i].object = object; });
 }
 
 }  // namespace
@@ -334,23 +376,23 @@ Eigen::Vector3f in_steps_of_voxel(const Eigen::Vector3d& p_tile, const Eigen::Ve
 
 std::vector<std::byte> encode_tile(const TileContent& tile) {
   require_encodable(tile);
-  const std::vector<SourceScan> scans = scans_of(tile.history);
-  const bool wide = scans.size() > kMostSteps;
+  const NamedRows scans = scans_of(tile), objects = objects_of(tile);
   TileHead head;
   head.points = static_cast<std::uint32_t>(tile.points.size());
   head.z_base_m = tile.z_base_m;
-  head.scans = static_cast<std::uint32_t>(scans.size());
+  head.of_objects = static_cast<std::uint32_t>(tile.of_objects.size());
+  head.scans = scans.size();
+  head.objects = objects.size();
   if (!tile.history.empty()) head.flags |= kHasHistory;
-  if (wide) head.flags |= kWideScanNumbers;
-  for (std::size_t i = 0; i < tile.points.size(); ++i) {
-    head.tall += is_tall(height_step_of(tile.points[i].z)) ? 1 : 0;
-    head.of_objects += object_of(tile, i) != 0 ? 1 : 0;
-  }
+  if (scans.is_wide()) head.flags |= kWideScanRows;
+  if (objects.is_wide()) head.flags |= kWideObjectRows;
+  for (const MapPoint& p : tile.points) head.tall += is_tall(height_step_of(p.z)) ? 1 : 0;
   const Columns columns(head);
   TileWriter out(columns.end);
   out.put(0, 0, head);
   write_points(tile, columns, out);
-  write_history(tile, scans, wide, columns, out);
+  write_objects(tile, objects, columns, out);
+  write_history(tile, scans, columns, out);
   return out.take();
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/tile_steps.hpp>
+#include "package/drive_numbers.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -11,21 +11,18 @@
 
 namespace stillmap::maps {
 
-/// A scan by its source and its number in that source, so that a new source leaves the numbers of
-/// the others alone.
-struct SourceScan {
-  std::uint32_t source = 0;
-  std::uint32_t scan = 0;
-  auto operator<=>(const SourceScan&) const = default;
-};
-
 /// What is known of a point besides what a viewer needs.
 struct TilePointHistory {
-  SourceScan first, last;
+  DriveNumber first, last;
   /// As `PointHistory`.
-  std::uint32_t object = 0;
   std::array<std::int8_t, 3> normal{};
   std::uint8_t planarity = 0;
+};
+
+/// A point that belongs to an object.
+struct TilePointOfObject {
+  std::uint32_t point = 0;
+  DriveNumber object;
 };
 
 /// The content of a tile.
@@ -33,15 +30,17 @@ struct TileContent {
   /// Added to the points' z gives the map frame [m].
   std::int32_t z_base_m = 0;
   /// x, y relative to the tile's corner, z to the base [m]; `encode_tile` puts them in steps
-  /// (`tile_steps.hpp`).
+  /// (`tile_steps.hpp`). Of which objects they are is told below.
   std::vector<MapPoint> points;
+  /// By point.
+  std::vector<TilePointOfObject> of_objects;
   /// One a point, or empty.
   std::vector<TilePointHistory> history;
 };
 
 /// Bytes of a tile as maps/package.md has them.
 /// @throws std::invalid_argument for a tile without points, more than 2^32 - 1, a number that is
-/// not finite, or a history of another size.
+/// not finite, a history of another size, or objects of points out of their order.
 [[nodiscard]] std::vector<std::byte> encode_tile(const TileContent& tile);
 
 /// Whether the bytes of a tile hold histories. @throws InputError as below.

@@ -89,8 +89,8 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
   std::set<std::string> kept = {manifest_path};
   for (const auto& [path, listed] : manifest.files) {
     check_listed(path, listed, root, found, name);
-    const bool is_text = path == maps::kObjectsName || path == maps::kGraphName ||
-                         path == maps::kDisagreementName || path.starts_with("trajectory");
+    const bool is_text = path == maps::kGraphName || path.starts_with("objects") ||
+                         path.starts_with("disagreement") || path.starts_with("trajectory");
     if (is_text) check_size(fmt::format("{}: {}", name, path), listed.bytes);
     kept.insert(root + path);
     package.bytes += listed.bytes;

@@ -1,8 +1,11 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <stillmap/maps/content_digest.hpp>
 #include <stillmap/maps/convert_package.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/pose_disagreement.hpp>
 #include <stillmap/maps/tile_steps.hpp>
 
 #include <cmath>
@@ -19,6 +22,7 @@ namespace convert_package_test {
 
 namespace fs = std::filesystem;
 using test::ThrowsSaying;
+using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
 constexpr double kVoxelM = 0.1;
@@ -47,11 +51,23 @@ std::vector<MapPoint> some_points(TileId id, std::mt19937& random) {
 std::vector<PointHistory> some_history(std::vector<MapPoint>& points) {
   std::vector<PointHistory> history;
   for (std::uint32_t i = 0; i < points.size(); ++i) {
-    const std::uint32_t object = i % 7 == 0 ? 300 + i : 0;
+    const std::uint32_t object = i % 7 == 0 ? 1 + i % 500 : 0;
     points[i].object = static_cast<std::uint8_t>(object == 0 ? 0 : 1 + (object - 1) % 255);
     history.push_back({i % 3, 3 + i % 2, object, {-127, 5, 40}, static_cast<std::uint8_t>(i)});
   }
   return history;
+}
+
+/// Of two drives of three and two scans.
+std::vector<MapObject> some_objects() {
+  std::vector<MapObject> objects(500);
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const std::size_t scan = i < 200 ? i % 3 : 3 + i % 2;
+    objects[i].drive = i < 200 ? 0 : 1;
+    objects[i].first_scan = objects[i].last_scan = scan;
+    objects[i].placements = {{scan, {0.5 * static_cast<double>(i), 2.0, 3.5}, 0.25}};
+  }
+  return objects;
 }
 
 Trajectory drive_of(std::size_t scans) {
@@ -78,6 +94,19 @@ MapManifest some_manifest() {
   return manifest;
 }
 
+bool is_by_drive(const std::string& path) {
+  return path.starts_with("objects") || path.starts_with("fates") ||
+         path.starts_with("disagreement");
+}
+
+std::vector<std::string> texts_of(const std::vector<MapObject>& objects) {
+  std::vector<std::string> texts;
+  for (const MapObject& object : objects)
+    texts.push_back(fmt::format("{} {} {} {}", object.drive, object.first_scan,
+                                object.placements[0].scan, object.placements[0].centre_map.x()));
+  return texts;
+}
+
 class ConvertPackage : public ::testing::Test {
  protected:
   using Change = std::function<void(TileId, std::vector<MapPoint>&, std::vector<PointHistory>&)>;
@@ -96,9 +125,12 @@ class ConvertPackage : public ::testing::Test {
                     some_points({.level = 0, .x = 0, .y = 0}, random));
     writer.write_trajectory(drive_of(3), 0);
     writer.write_trajectory(drive_of(2), 1);
-    MapObject object;
-    object.placements = {{1, {1.0, 2.0, 3.5}, 0.25}};
-    writer.write_objects({object});
+    writer.write_objects(some_objects());
+    for (std::uint32_t scan = 0; scan < 5; ++scan)
+      writer.add_fates(
+          {{PointFate::kProjected, PointFate::kKept}, {1 + (scan < 3 ? scan : 299), 0}});
+    const std::vector<PoseDisagreement> told(5, {0.25F, 0.5F});
+    write_pose_disagreements(writer.folder(), told);
     fs::create_directories(writer.folder() / "notes/more");
     std::ofstream(writer.folder() / "notes/more/unknown.txt") << "of a later time";
     writer.publish(some_manifest(), R"({"seconds": 7})");
@@ -176,10 +208,50 @@ TEST_F(ConvertPackage, KeepsAllThatThePackageHolds) {
   EXPECT_EQ(is.sources, was.sources);
   for (const auto& [path, file] : was.files) {
     if (path.starts_with("tiles/")) continue;
+    if (is_by_drive(path)) continue;
     EXPECT_EQ(is.files.at(path).sha256, file.sha256) << path;
   }
+  EXPECT_EQ(texts_of(after->objects()), texts_of(some_objects()));
+  for (std::size_t scan = 0; scan < 5; ++scan)
+    EXPECT_EQ(after->fates(scan), before->fates(scan)) << scan;
+  EXPECT_EQ(read_pose_disagreements(*after).size(), 5U);
+  EXPECT_EQ(is.drives, (std::vector<MapManifest::DriveCounts>{{3, 200}, {2, 300}}));
+  for (const char* path : {"objects_2.json", "fates_2.bin", "disagreement_2.txt"})
+    EXPECT_TRUE(is.files.contains(path)) << path;
+  EXPECT_EQ(content_digest(*after).size(), 64U);
   EXPECT_EQ(sha256_of_file(target() / "build.json"),
             sha256_of_file(before->folder() / "build.json"));
+}
+
+TEST_F(ConvertPackage, PutsObjectsInTheOrderOfTheirDrives) {
+  {
+    MapPackageWriter writer(folder_.path() / "old", {}, 1);
+    std::mt19937 random(5);
+    std::vector<MapPoint> points = some_points(kTiles[0], random);
+    std::vector<PointHistory> history = some_history(points);
+    for (PointHistory& each : history) each.object %= 3;
+    writer.add_tile(kTiles[0], points, history);
+    writer.write_trajectory(drive_of(3), 0);
+    writer.write_trajectory(drive_of(2), 1);
+    // A user added the second one, in both drives.
+    std::vector<MapObject> objects = some_objects();
+    writer.write_objects({objects[200], objects[0]});
+    for (std::uint32_t scan = 0; scan < 5; ++scan)
+      writer.add_fates({{PointFate::kProjected, PointFate::kProjected}, {1, 2}});
+    writer.publish(some_manifest(), "{}");
+  }
+  const auto before = MapPackage::open(folder_.path() / "old");
+  convert_package(*before, target());
+  const auto after = MapPackage::open(target());
+  const std::vector<MapObject> objects = after->objects();
+  EXPECT_EQ(objects.at(0).drive, 0U);
+  EXPECT_EQ(objects.at(1).drive, 1U);
+  EXPECT_EQ(objects.at(1).placements.at(0).centre_map.x(), 100.0);
+  const auto was = before->history(kTiles[0]), is = after->history(kTiles[0]);
+  for (std::size_t i = 0; i < was.size(); ++i)
+    EXPECT_EQ(is[i].object, was[i].object == 0 ? 0 : 3 - was[i].object);
+  EXPECT_THAT(after->fates(0).objects, ElementsAre(0, 1));
+  EXPECT_THAT(after->fates(4).objects, ElementsAre(2, 0));
 }
 
 TEST_F(ConvertPackage, GivesTheSameBytesEachTime) {

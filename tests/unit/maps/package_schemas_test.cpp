@@ -49,7 +49,7 @@ World some_world() {
 std::shared_ptr<const MapPackage> write(const fs::path& target, int schema, const World& world,
                                         const Eigen::Vector3d& origin = {20.0, -40.0, 3.0}) {
   MapPackageWriter writer(target, {}, schema);
-  writer.set_drives({4, 5});
+  writer.set_drives({{4, 610}, {5, 40}});
   for (const auto& [id, points] : world.tiles)
     writer.add_tile(id, MapTile(origin, {kTileSizeM * id.x, kTileSizeM * id.y, 0.0}, points),
                     world.histories.at(id));
@@ -150,11 +150,11 @@ TEST_F(PackageSchemas, ScansOfNoDriveAreRefused) {
     std::ifstream file(folder_.path() / "second/manifest.json");
     text.assign(std::istreambuf_iterator<char>(file), {});
   }
-  text.replace(text.find("  4,\n"), 4, "  3,");
+  text.replace(text.find("\"scans\": 4"), 10, "\"scans\": 3");
   std::ofstream(folder_.path() / "second/manifest.json") << text;
   const auto map = MapPackage::open(folder_.path() / "second");
   EXPECT_THAT([&] { (void)map->history(world_.tiles.begin()->first); },
-              (ThrowsSaying<InputError>({"of drive", "drive_scans"})));
+              (ThrowsSaying<InputError>({"of drive", "drives"})));
 }
 
 TEST_F(PackageSchemas, TilesOfOtherVersionsAreShared) {

@@ -23,11 +23,11 @@ TileContent some_tile(std::size_t points, std::uint32_t scans = 40) {
   TileContent tile;
   tile.z_base_m = -3;
   for (std::size_t i = 0; i < points; ++i) {
-    const auto object = static_cast<std::uint32_t>(i % 5 == 0 ? 300 + i : 0);
-    const auto short_object = static_cast<std::uint8_t>(object == 0 ? 0 : 1 + (object - 1) % 255);
+    const auto number = static_cast<std::uint32_t>(i);
+    if (i % 5 == 0) tile.of_objects.push_back({number, {number % 2, 300 + number / 10}});
     tile.points.push_back({along(random), along(random), height(random),
                            static_cast<float>(byte(random)), static_cast<std::uint16_t>(3 * i),
-                           static_cast<PointKind>(i % 4), short_object});
+                           static_cast<PointKind>(i % 4), 0});
     const Eigen::Vector3f n =
         Eigen::Vector3f(static_cast<float>(turn(random)), static_cast<float>(turn(random)),
                         static_cast<float>(turn(random)) + 0.5F)
@@ -35,7 +35,6 @@ TileContent some_tile(std::size_t points, std::uint32_t scans = 40) {
     TilePointHistory history;
     history.first = {static_cast<std::uint32_t>(i % 3), static_cast<std::uint32_t>(i) % scans};
     history.last = {static_cast<std::uint32_t>(i % 3), static_cast<std::uint32_t>(2 * i) % scans};
-    history.object = object;
     for (std::size_t axis = 0; axis < 3; ++axis)
       history.normal[axis] =
           static_cast<std::int8_t>(std::lround(127.0F * n[static_cast<Eigen::Index>(axis)]));
@@ -78,12 +77,15 @@ TEST(TileBytes, HoldWhatIsInStepsToTheBit) {
     EXPECT_EQ(once.points[i].intensity, tile.points[i].intensity);
     EXPECT_EQ(once.points[i].observations, tile.points[i].observations);
     EXPECT_EQ(once.points[i].kind, tile.points[i].kind);
-    EXPECT_EQ(once.points[i].object, tile.points[i].object);
     EXPECT_EQ(once.history[i].first, tile.history[i].first);
     EXPECT_EQ(once.history[i].last, tile.history[i].last);
-    EXPECT_EQ(once.history[i].object, tile.history[i].object);
     EXPECT_EQ(once.history[i].normal, tile.history[i].normal);
     EXPECT_EQ(once.history[i].planarity, tile.history[i].planarity);
+  }
+  ASSERT_EQ(once.of_objects.size(), 200U);
+  for (std::size_t i = 0; i < 200; ++i) {
+    EXPECT_EQ(once.of_objects[i].point, tile.of_objects[i].point);
+    EXPECT_EQ(once.of_objects[i].object, tile.of_objects[i].object);
   }
   EXPECT_EQ(encode_tile(once), encode_tile(tile));
 }
@@ -91,8 +93,7 @@ TEST(TileBytes, HoldWhatIsInStepsToTheBit) {
 TEST(TileBytes, TakeAtMostTwentyAPoint) {
   const std::size_t points = 20'000;
   TileContent tile = some_tile(points);
-  for (std::size_t i = 0; i < points; ++i)
-    if (i % 50 != 0) tile.history[i].object = 0;
+  std::erase_if(tile.of_objects, [](const auto& each) { return each.point % 50 != 0; });
   EXPECT_LT(static_cast<double>(encode_tile(tile).size()) / points, 20.0);
 }
 
@@ -107,12 +108,22 @@ TEST(TileBytes, NumberMoreScansThanSixteenBitsDo) {
   }
 }
 
+TEST(TileBytes, NumberMoreObjectsThanSixteenBitsDo) {
+  TileContent tile = some_tile(70'000);
+  tile.of_objects.clear();
+  for (std::uint32_t i = 0; i < 70'000; ++i) tile.of_objects.push_back({i, {3, 2 * i}});
+  const TileContent read = decode_tile(encode_tile(tile), "tile");
+  ASSERT_EQ(read.of_objects.size(), 70'000U);
+  for (std::size_t i = 0; i < 70'000; ++i)
+    ASSERT_EQ(read.of_objects[i].object, tile.of_objects[i].object);
+}
+
 TEST(TileBytes, MayHaveNoHistory) {
   TileContent tile = some_tile(100);
   tile.history.clear();
   const TileContent read = decode_tile(encode_tile(tile), "tile");
   EXPECT_TRUE(read.history.empty());
-  EXPECT_EQ(read.points[5].object, tile.points[5].object);
+  EXPECT_EQ(read.of_objects.at(1).object, tile.of_objects[1].object);
   const TileContent without = decode_tile(encode_tile(some_tile(100)), "tile", false);
   EXPECT_TRUE(without.history.empty());
   EXPECT_EQ(without.points.size(), 100U);
@@ -169,6 +180,14 @@ TEST(TileBytes, AreNotMadeOfWhatCannotBeATile) {
   };
   EXPECT_THROW(encode([](TileContent& tile) { tile.points.clear(); }), std::invalid_argument);
   EXPECT_THROW(encode([](TileContent& tile) { tile.history.pop_back(); }), std::invalid_argument);
+  EXPECT_THROW(encode([](TileContent& tile) {
+                 tile.of_objects = {{5, {}}};
+               }),
+               std::invalid_argument);
+  EXPECT_THROW(encode([](TileContent& tile) {
+                 tile.of_objects = {{2, {}}, {2, {}}};
+               }),
+               std::invalid_argument);
   EXPECT_THROW(encode([](TileContent& tile) { tile.points[0].z = NAN; }), std::invalid_argument);
   EXPECT_THROW(encode([](TileContent& tile) { tile.points[0].z = 1e9F; }), std::invalid_argument);
   EXPECT_THROW(encode([](TileContent& tile) { tile.points[0].kind = static_cast<PointKind>(4); }),

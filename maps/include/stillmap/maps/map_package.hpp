@@ -93,8 +93,13 @@ struct MapManifest {
   /// Of schema 1 only; `MapPackage::tiles` has those of any package.
   std::vector<TileEntry> tiles;
   MapExtent extent;
-  /// Schema 2: how many scans each drive has, as tiles number scans by drive. Empty: one drive.
-  std::vector<std::uint32_t> drive_scans;
+  /// How many scans and objects are of a drive.
+  struct DriveCounts {
+    std::uint32_t scans = 0, objects = 0;
+    bool operator==(const DriveCounts&) const = default;
+  };
+  /// Schema 2, whose tiles and files number scans and objects by drive. Empty: one drive.
+  std::vector<DriveCounts> drives;
   struct File {
     std::uint64_t bytes = 0;
     std::string sha256;
@@ -108,6 +113,8 @@ struct MapManifest {
   }
 };
 
+class DriveNumbers;
+struct DriveNumber;
 class PackReader;
 class PackWriter;
 
@@ -134,12 +141,16 @@ class MapPackageWriter {
   /// The same of points that count from a corner near them, so that they are exact far from the
   /// origin, too.
   void add_tile(TileId id, const MapTile& tile, std::span<const PointHistory> history = {});
-  /// How many scans each drive has; before the first tile. Schema 2 numbers scans by drive.
-  void set_drives(std::vector<std::uint32_t> scans) { drive_scans_ = std::move(scans); }
+  /// Once, before tiles, fates and objects. Scans and objects are numbered over all drives here,
+  /// those of the first drive first. Without this there is one drive.
+  void set_drives(std::vector<MapManifest::DriveCounts> drives);
   /// What became of the points of the next scan, in the order of the scans.
+  /// @throws std::invalid_argument for an object of another drive.
   void add_fates(const ScanFates& fates);
   /// @param drive  0 for the first or only one.
   void write_trajectory(const Trajectory& trajectory, std::size_t drive = 0);
+  /// @param objects  in the order of their drives. @throws std::invalid_argument if there are
+  /// others than `set_drives` was told.
   void write_objects(const std::vector<MapObject>& objects);
   /// Where a sensor may have been, for a map without trajectories: upright poses in the map frame,
   /// written to the millimetre.
@@ -151,14 +162,18 @@ class MapPackageWriter {
   std::string publish(MapManifest manifest, const std::string& build_json);
 
  private:
+  [[nodiscard]] DriveNumber object_of(std::uint32_t over_all) const;
+
   PartialFolder folder_;
   std::string survivor_;
   int schema_;
-  std::vector<std::uint32_t> drive_scans_;
+  std::unique_ptr<const DriveNumbers> numbers_;
   std::vector<TileEntry> tiles_;
   /// Of schema 2.
   std::unique_ptr<PackWriter> packs_;
+  /// Of the drive of the scans that come.
   std::unique_ptr<FatesWriter> fates_;
+  std::uint32_t fates_drive_ = 0, fates_scans_ = 0;
 };
 
 /// An immutable map version. Of schema 2, opening reads manifest.json only. Regions are read, and
@@ -220,6 +235,7 @@ class MapPackage {
   std::map<TileId, MappedFile> tiles_, histories_;
   /// Of schema 2, instead.
   std::unique_ptr<const PackReader> packs_;
+  std::unique_ptr<const DriveNumbers> numbers_;
 };
 
 /// SHA-256 as lower-case hex.

@@ -10,19 +10,19 @@ namespace stillmap::maps {
 
 inline constexpr const char* kManifestName = "manifest.json";
 inline constexpr const char* kBuildName = "build.json";
-inline constexpr const char* kObjectsName = "objects.json";
 inline constexpr const char* kGraphName = "graph.json";
-inline constexpr const char* kFatesName = "fates.bin";
 /// 12 numbers a line, 3x4 row-major.
 inline constexpr const char* kPlacesName = "places.txt";
-inline constexpr const char* kDisagreementName = "disagreement.txt";
 
 /// `tiles/<level>_<x>_<y>.bin`
 [[nodiscard]] std::string tile_path(TileId id);
 /// `tiles/<level>_<x>_<y>.history`
 [[nodiscard]] std::string history_path(TileId id);
-/// `trajectory.tum`, `trajectory_2.tum`, ... @param drive  from 0.
+/// Files of a drive: `trajectory.tum`, `trajectory_2.tum`, ... @param drive  from 0.
 [[nodiscard]] std::string trajectory_path(std::size_t drive);
+[[nodiscard]] std::string objects_path(std::size_t drive);
+[[nodiscard]] std::string fates_path(std::size_t drive);
+[[nodiscard]] std::string disagreement_path(std::size_t drive);
 
 /// Canonical text: keys sorted, shortest digits that read back the same number, nothing of time or
 /// host. Equal manifests give equal bytes.

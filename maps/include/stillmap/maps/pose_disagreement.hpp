@@ -30,15 +30,15 @@ struct BentPlaces {
 };
 [[nodiscard]] BentPlaces bent_places(std::span<const PoseDisagreement> of_pose);
 
-/// Writes disagreement.txt into the folder of a package that is being made: a line a pose, metres
-/// and radians.
-/// @param of_pose  one a pose of the map, as `MapPackage::trajectories` numbers them, finite and
-/// not negative.
+/// Writes disagreement.txt (of further drives disagreement_2.txt, ...) into the folder of a package
+/// that is being made: a line a pose, metres and radians.
+/// @param of_pose  one a pose of the drive, finite and not negative. @param drive  from 0.
 /// @throws StorageError.
 void write_pose_disagreements(const std::filesystem::path& package,
-                              std::span<const PoseDisagreement> of_pose);
+                              std::span<const PoseDisagreement> of_pose, std::size_t drive = 0);
 
-/// One a pose; empty when the package lists none: an older program made it, or another one.
+/// One a pose of the map, as `MapPackage::trajectories` numbers them; empty when the package lists
+/// none: an older program made it, or another one.
 /// @throws InputError for a broken file, and for another number than the map has poses.
 [[nodiscard]] std::vector<PoseDisagreement> read_pose_disagreements(const MapPackage& map);
 
