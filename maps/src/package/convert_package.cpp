@@ -124,6 +124,10 @@ class Drives {
 
   [[nodiscard]] const std::vector<MapManifest::DriveCounts>& counts() const { return counts_; }
   [[nodiscard]] const std::vector<MapObject>& objects() const { return objects_; }
+  /// Whether objects have other numbers than before.
+  [[nodiscard]] bool are_renumbered() const {
+    return !std::is_sorted(numbers_.begin(), numbers_.end());
+  }
   [[nodiscard]] std::vector<PointHistory> history(TileId id) const {
     std::vector<PointHistory> history = map_.history(id);
     for (PointHistory& each : history) each.object = number_of(each.object);
@@ -265,8 +269,8 @@ void require_same_tile(const MapPackage& before, const Drives& drives, const Map
   const auto same_object = [](const MapPoint& a, const MapPoint& b) {
     return a.object == b.object;
   };
-  if (was.empty() && !std::equal(from.begin(), from.end(), to.begin(), same_object))
-    refuse("a point of another object");
+  if (!drives.are_renumbered() && !std::equal(from.begin(), from.end(), to.begin(), same_object))
+    refuse("a point that reads back otherwise: its object");
 }
 
 /// The package that is replaced may be removed after this.
@@ -281,9 +285,11 @@ void require_same(const MapPackage& before, const Drives& drives, const MapPacka
     throw StorageError((after.folder() / path).string(), "copied to other content");
   };
   if (objects_text(after.objects()) != objects_text(drives.objects())) refuse(objects_path(0));
+  progress.add(bytes_of(before.manifest(), objects_path(0)));
   drives.for_each_scan([&](std::size_t drive, std::size_t scan) {
     if (after.fates(scan) != drives.fates(drive, scan)) refuse(fates_path(drive));
   });
+  progress.add(bytes_of(before.manifest(), fates_path(0)));
   const std::set<std::string> rewritten = rewritten_paths(before.manifest());
   for (const auto& [path, file] : after.manifest().files) {
     const auto listed = before.manifest().files.find(path);

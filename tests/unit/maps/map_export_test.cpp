@@ -478,7 +478,7 @@ TEST_F(MapExport, PointsBeyondTheirTilesBoundsAreRefused) {
     // The step of the first point's x, behind the tile's head.
     std::fstream stream(name.substr(0, name.find(", tile")),
                         std::ios::in | std::ios::out | std::ios::binary);
-    stream.seekp(24);
+    stream.seekp(32);
     stream.write("\xff\xff", 2);
     ASSERT_TRUE(stream.good()) << name;
   }

@@ -22,6 +22,8 @@ using ::testing::ElementsAre;
 
 /// Tiles on both sides of the origin and within 500 m of it, where floats of schema 1 are exact, in
 /// steps, with histories of two drives.
+using Drives = std::vector<MapManifest::DriveCounts>;
+
 struct World {
   std::map<TileId, std::vector<MapPoint>> tiles;
   std::map<TileId, std::vector<PointHistory>> histories;
@@ -47,9 +49,22 @@ World some_world() {
 }
 
 std::shared_ptr<const MapPackage> write(const fs::path& target, int schema, const World& world,
-                                        const Eigen::Vector3d& origin = {20.0, -40.0, 3.0}) {
+                                        const Eigen::Vector3d& origin = {20.0, -40.0, 3.0},
+                                        const Drives& drives = {{4, 610}, {5, 40}}) {
   MapPackageWriter writer(target, {}, schema);
-  writer.set_drives({{4, 610}, {5, 40}});
+  writer.set_drives(drives);
+  std::vector<MapObject> objects;
+  std::size_t first_scan = 0;
+  for (std::size_t drive = 0; drive < drives.size(); ++drive) {
+    for (std::size_t i = 0; i < drives[drive].objects; ++i) {
+      MapObject& object = objects.emplace_back();
+      object.drive = drive;
+      object.first_scan = object.last_scan = first_scan + i % drives[drive].scans;
+      object.placements = {{object.first_scan, Eigen::Vector3d::Zero(), 0.0}};
+    }
+    first_scan += drives[drive].scans;
+  }
+  writer.write_objects(objects);
   for (const auto& [id, points] : world.tiles)
     writer.add_tile(id, MapTile(origin, {kTileSizeM * id.x, kTileSizeM * id.y, 0.0}, points),
                     world.histories.at(id));
@@ -168,6 +183,30 @@ TEST_F(PackageSchemas, TilesOfOtherVersionsAreShared) {
   }
   // Three regions of a node and a pack each; one of them has changed.
   EXPECT_EQ(second_->manifest().files.size(), shared + 2);
+}
+
+TEST_F(PackageSchemas, WhatOtherDrivesAddLeavesTilesAndFilesOfADriveAlone) {
+  // The first drive has more scans and objects now, and a third one came.
+  World world = some_world();
+  for (auto& [id, history] : world.histories) {
+    for (std::size_t i = 0; i < history.size(); ++i) {
+      if (history[i].object > 610) history[i].object += 100;
+      for (std::uint32_t* scan : {&history[i].first_scan, &history[i].last_scan})
+        *scan += *scan >= 4 ? 3 : 0;
+    }
+  }
+  const auto other =
+      write(folder_.path() / "other", 2, world, {20.0, -40.0, 3.0}, {{7, 710}, {5, 40}, {6, 2}});
+  std::size_t of_tiles = 0;
+  for (const auto& [path, file] : second_->manifest().files) {
+    if (path == "objects.json") continue;
+    EXPECT_EQ(other->manifest().files.at(path).sha256, file.sha256) << path;
+    of_tiles += path.ends_with(".pack") || path.ends_with(".node") ? 1 : 0;
+  }
+  EXPECT_EQ(of_tiles, 6U);
+  const TileId id = world.tiles.begin()->first;
+  EXPECT_EQ(other->history(id)[14].object, 714U);
+  EXPECT_EQ(other->objects().at(713).drive, 1U);
 }
 
 }  // namespace package_schemas_test
