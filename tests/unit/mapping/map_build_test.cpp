@@ -14,6 +14,7 @@
 #include <set>
 
 #include "pipeline/scan_work.hpp"
+#include "pipeline/surveyed_scan_bytes.hpp"
 #include "small_drive.hpp"
 #include "support/throws.hpp"
 
@@ -112,6 +113,34 @@ TEST_F(MapBuild, KeepsObstaclesForTheDetectorThatIsJudgedByThem) {
   EXPECT_GT(obstacles(), 100U);
   use_boxes();
   EXPECT_EQ(obstacles(), 0U);
+}
+
+TEST_F(MapBuild, OtherDrivesChangeNothingInTheSurveyOfADrive) {
+  // Mounted otherwise, so what is learned of the ground is otherwise.
+  const test::TemporaryFolder folder;
+  test::SmallDrive tilted;
+  tilted.R_old_new =
+      Eigen::AngleAxisd(25.0 * std::numbers::pi / 180.0, Eigen::Vector3d::UnitY()).matrix();
+  const std::filesystem::path other = tilted.write(folder);
+  options_.detector = "geometric";
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), options_.voxel_size_m);
+  const auto surveyed = [&](const std::vector<std::filesystem::path>& folders, std::size_t first) {
+    std::vector<maps::Drive> opened;
+    for (const std::filesystem::path& each : folders) opened.push_back(maps::Drive::open(each));
+    const DriveSet drives(opened, options_);
+    const ScanWork work(drives, options_, grid);
+    std::vector<std::string> bytes;
+    for (std::size_t i = 0; i < test::SmallDrive::kScans; ++i) {
+      SurveyedScan scan = work.survey(first + i);
+      scan.scan = i;
+      scan.stage_seconds.clear();
+      bytes.push_back(to_bytes(scan));
+    }
+    return bytes;
+  };
+  const auto alone = surveyed({drive_}, 0);
+  EXPECT_EQ(surveyed({drive_, other}, 0), alone);
+  EXPECT_EQ(surveyed({other, drive_}, test::SmallDrive::kScans), alone);
 }
 
 TEST_F(MapBuild, WarnsWhenManyPointsAreNearerThanWhatCarriesTheSensor) {
