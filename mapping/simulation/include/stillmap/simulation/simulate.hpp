@@ -15,7 +15,8 @@ namespace stillmap::simulation {
 /// What is driven through, with which sensor, and how it is written.
 struct SimulationOptions {
   /// World to drive through: `town`, streets on a bent grid, each driven twice and in both
-  /// directions on a long drive; `highway`; `depot`, a yard with halls, containers and trucks.
+  /// directions on a long drive; `city`, the same with more streets: one round leads over all of
+  /// them, some 19 km; `highway`; `depot`, a yard with halls, containers and trucks.
   std::string scenario = "town";
   /// Another seed is another world of the same kind.
   std::uint64_t seed = 1;
@@ -45,8 +46,13 @@ struct SimulationOptions {
   /// mapping/simulation/README.md). Layout `pcd` only: the points of the others are at one instant,
   /// or have no times.
   bool imu = false;
-  /// Scans taken; 1 to 10000.
+  /// Scans taken; 1 to 10000 (city: 100000), and so are those of the whole drive.
   std::size_t scans = 100;
+  /// Part of a longer drive: number of its first scan, counted from 0, and scans of the whole
+  /// drive; 0 = the drive ends with the last scan taken. A part has the scans, the world's frame
+  /// and the clock of the whole drive.
+  std::size_t first = 0;
+  std::size_t of = 0;
   /// `kitti-odometry`, `kitti-raw` or `pcd`.
   std::string layout = "kitti-odometry";
   /// Also writes what only a simulator knows: `truth/`.
