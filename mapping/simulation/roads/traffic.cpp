@@ -33,8 +33,8 @@ constexpr double kGreen_s = 6.0;
 constexpr double kOwnNotice = 45.0;
 constexpr double kOwnWait_s = 3.0;
 constexpr double kOwnWaits = 0.3;
-// Where there is traffic in our vicinity only: vehicles leave this far beyond it, it is looked
-// after every so many steps, and no vehicle stays longer than such a way [m].
+// Traffic in our vicinity only: vehicles leave this far beyond it [m], we look for those that come
+// and go every so many steps, and a vehicle's route is this long [m].
 constexpr double kVicinityMargin = 50.0;
 constexpr int kVicinitySteps = 10;
 constexpr double kVicinityWay = 2500.0;

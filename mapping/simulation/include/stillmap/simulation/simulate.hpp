@@ -46,11 +46,11 @@ struct SimulationOptions {
   /// mapping/simulation/README.md). Layout `pcd` only: the points of the others are at one instant,
   /// or have no times.
   bool imu = false;
-  /// Scans taken; 1 to 10000 (city: 100000), and so are those of the whole drive.
+  /// Scans taken, at least 1. The whole drive has at most 10000 scans (city: 100000).
   std::size_t scans = 100;
-  /// Part of a longer drive: number of its first scan, counted from 0, and scans of the whole
-  /// drive; 0 = the drive ends with the last scan taken. A part has the scans, the world's frame
-  /// and the clock of the whole drive.
+  /// A part of a longer drive: the number of its first scan, counted from 0, and the scans of the
+  /// whole drive (0 = it ends with this part). The part's scans, frame and clock are those of the
+  /// whole drive. `first` > 0 only with the layouts `kitti-odometry` and `pcd`, without an IMU.
   std::size_t first = 0;
   std::size_t of = 0;
   /// `kitti-odometry`, `kitti-raw` or `pcd`.
