@@ -28,7 +28,11 @@ namespace stillmap::simulation {
 namespace {
 
 constexpr std::size_t kMaxScans = 10'000;
+/// The world of the city does not grow with the drive.
+constexpr std::size_t kMaxCityScans = 100'000;
 constexpr int kMaxThreads = 1024;
+/// Labels have 16 bits for the track, and 0 is none.
+constexpr std::size_t kMaxTracks = 65'535;
 
 std::optional<OutputLayout> layout_named(const std::string& name) {
   if (name == "kitti-odometry") return OutputLayout::kKittiOdometry;
@@ -114,6 +118,11 @@ std::uint64_t key_of_unit(std::uint64_t key, std::uint64_t unit) {
   return unit == 0 ? key : key_of({key, unit});
 }
 
+/// Of the whole drive, whatever part is taken.
+std::size_t drive_scans(const SimulationOptions& options) {
+  return options.of > 0 ? options.of : options.first + options.scans;
+}
+
 /// At least as much of the world as is driven through.
 World world_of(const SimulationOptions& options, double reach_m, double duration_s,
                const mapping::CancelFlag& cancel) {
@@ -166,8 +175,26 @@ std::vector<std::string> SimulationOptions::violations() const {
     found.push_back(
         fmt::format("carrier: found {} beside a standing sensor, expected vehicle", carrier));
   }
-  if (scans < 1 || scans > kMaxScans) {
-    found.push_back(fmt::format("scans: found {}, expected 1 to {}", scans, kMaxScans));
+  const std::size_t most = scenario == "city" ? kMaxCityScans : kMaxScans;
+  if (scans < 1 || scans > most) {
+    found.push_back(fmt::format("scans: found {}, expected 1 to {}{}", scans, most,
+                                most < kMaxCityScans ? " (scenario city: 100000)" : ""));
+  } else if (of > most) {
+    found.push_back(fmt::format("of: found {}, expected at most {}{}", of, most,
+                                most < kMaxCityScans ? " (scenario city: 100000)" : ""));
+  } else if (const std::size_t end = of > 0 ? of : most; first > end - std::min(scans, end)) {
+    found.push_back(fmt::format("first: found {} with {} scans, expected a part of {} scans", first,
+                                scans, end));
+  }
+  if (first > 0 && (layout == "kitti-raw" || imu)) {
+    found.push_back(
+        "first: found with layout kitti-raw or an IMU, whose errors go on from scan to "
+        "scan, expected layout kitti-odometry or pcd without one");
+  }
+  if (scenario == "city" && (standing || carrier != "vehicle")) {
+    found.push_back(
+        "carrier: found another one than a driving vehicle in scenario city, whose "
+        "traffic is around that; expected scenario town, highway or depot");
   }
   if (threads < 0 || threads > kMaxThreads) {
     found.push_back(fmt::format("threads: found {}, expected 0 to {}", threads, kMaxThreads));
@@ -203,12 +230,18 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
            }},
       [&ego](double time_s) { return ego->T_world_lidar(time_s); });
   if (progress) progress("world", 0, 1);
-  const double duration_s = properties.period_s * static_cast<double>(options.scans);
+  const double duration_s = properties.period_s * static_cast<double>(drive_scans(options));
   const Carrier carrier = *carrier_named(options.carrier);
   World world = world_of(options, properties.max_range_m, duration_s, cancel);
   T_world_start = world.T_world_start;
   ego.emplace(world, properties.height_m, carrier, T_usual_lidar_of(options.mount));
   make_room(world, *ego, duration_s);
+  if (world.actors.size() > kMaxTracks) {
+    throw std::invalid_argument(fmt::format(
+        "scans: found a drive of {} scans with {} objects, of which labels can name {}; "
+        "expected a shorter drive",
+        drive_scans(options), world.actors.size(), kMaxTracks));
+  }
   const std::uint64_t unit = unit_of(options.mount);
   Scanner scanner(world, *ego, *sensor,
                   {.key = key_of_unit(key_for(options, Stream::kRays), unit),
@@ -227,7 +260,7 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
     const Joined joined(writing);
     for (std::size_t i = 0; i < options.scans; ++i) {
       if (cancel.load()) break;
-      SimulatedScan scan = scanner.take(i);
+      SimulatedScan scan = scanner.take(options.first + i);
       writing.wait();
       written = std::move(scan);
       writing.run([&] { writer.add(written); });
@@ -243,9 +276,10 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
   result.rays = scanner.rays();
   result.parked = tracks.parked.size();
   result.moving = tracks.moving.size();
-  result.distance_m =
-      world.own_motion.station(pace_of(carrier) * (duration_s - properties.period_s)) -
-      world.own_motion.station(0.0);
+  const double first_s = properties.period_s * static_cast<double>(options.first);
+  const double last_s = first_s + properties.period_s * static_cast<double>(options.scans - 1);
+  result.distance_m = world.own_motion.station(pace_of(carrier) * last_s) -
+                      world.own_motion.station(pace_of(carrier) * first_s);
   result.seconds = seconds_since(start);
   result.peak_rss_mib = maps::peak_rss_mib();
   return result;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <optional>
 
@@ -20,6 +21,8 @@ constexpr double kSwerve_mps = 0.9;
 // How far beside one's path another vehicle no longer is in the way [m].
 constexpr double kLane = 1.5;
 constexpr double kSwerve = 1.2;
+// Our own place at the start stays free [m].
+constexpr double kOwnRoom = 25.0;
 // Cosine of the angle within which two vehicles drive the same way.
 constexpr double kSameWay = 0.6;
 constexpr double kCyclistOffset = -1.1;
@@ -30,6 +33,11 @@ constexpr double kGreen_s = 6.0;
 constexpr double kOwnNotice = 45.0;
 constexpr double kOwnWait_s = 3.0;
 constexpr double kOwnWaits = 0.3;
+// Traffic in our vicinity only: vehicles leave this far beyond it [m], we look for those that come
+// and go every so many steps, and a vehicle's route is this long [m].
+constexpr double kVicinityMargin = 50.0;
+constexpr int kVicinitySteps = 10;
+constexpr double kVicinityWay = 2500.0;
 
 class Traffic {
  public:
@@ -42,24 +50,41 @@ class Traffic {
 
   std::vector<Driven> run(const Route& own) {
     add_own(own);
-    populate(own);
+    if (near_us_only()) {
+      for_each_lane([&](const Leg& leg, int lane) {
+        std::ranges::move(places_in(leg, lane), std::back_inserter(places_));
+      });
+      time_ = -kSettle_s;
+      follow_us(own.path->point(own.start_m));
+    } else {
+      populate(own);
+    }
     const auto steps =
         static_cast<int>(std::ceil((kSettle_s + duration_s_ + kMargin_s) / kTrafficStepS));
     for (int i = 0; i <= steps; ++i) {
       if (cancel_ != nullptr && cancel_->load()) throw mapping::Cancelled();
       time_ = kTrafficStepS * i - kSettle_s;
+      if (near_us_only() && i > 0 && i % kVicinitySteps == 0) {
+        const Vehicle& us = vehicles_.front();
+        follow_us(us.route.path->point(us.station));
+      }
       step(i);
     }
     std::vector<Driven> driven;
-    for (Vehicle& v : vehicles_) {
-      if (v.motion.stations_m.size() < 4) continue;
-      v.motion.path = v.route.path;
-      driven.push_back({v.kind, v.key, std::move(v.motion)});
-    }
+    for (Vehicle& v : vehicles_) finish(driven, v);
+    std::move(finished_.begin(), finished_.end(), std::back_inserter(driven));
     return driven;
   }
 
  private:
+  static void finish(std::vector<Driven>& driven, Vehicle& v) {
+    if (v.motion.stations_m.size() < 4) return;
+    v.motion.path = v.route.path;
+    driven.push_back({v.kind, v.key, std::move(v.motion)});
+  }
+
+  [[nodiscard]] bool near_us_only() const { return spec_.vicinity_m > 0.0; }
+
   void add_own(const Route& own) {
     Vehicle v;
     v.kind = BodyKind::kEstate;
@@ -124,7 +149,8 @@ class Traffic {
     const double truck_mps = random.uniform(22.0, 24.5);
     if (spec_.overtakes && length_of(v.kind) > 9.0) v.wish_mps = std::min(v.wish_mps, truck_mps);
     v.home_offset = v.cycles() ? kCyclistOffset : random.uniform(-0.25, 0.25);
-    const double way = (duration_s_ + kSettle_s + kMargin_s) * v.wish_mps + start.station + 60.0;
+    double way = (duration_s_ + kSettle_s + kMargin_s) * v.wish_mps + start.station + 60.0;
+    if (near_us_only()) way = std::min(way, kVicinityWay);
     v.route = make_route(network_, wander(start.leg, way, random), start.lane);
     if (start.station > v.route.path->length_m() - 5.0) return;
     v.offset = v.wanted_offset = v.home_offset;
@@ -146,37 +172,82 @@ class Traffic {
     }
   }
 
-  /// Vehicles all over the lanes, and more that come in where roads end. How long the drive lasts
-  /// decides how many come in, and changes nothing about the others.
-  void populate(const Route& own) {
-    const Eigen::Vector2d start = own.path->point(own.start_m);
+  /// Where a vehicle of a lane starts, and in our vicinity another one each time that we come near.
+  struct Place {
+    Start start;
+    Eigen::Vector2d at;
+    bool near = false;
+    std::uint64_t times = 0;
+  };
+
+  [[nodiscard]] std::uint64_t key_of_lane(const Leg& leg, int lane) const {
+    return key_of({key_, leg.edge, leg.forward ? 1U : 0U, static_cast<std::uint64_t>(lane)});
+  }
+
+  [[nodiscard]] std::vector<Place> places_in(const Leg& leg, int lane) const {
+    std::vector<Place> places;
+    const RoadEdge& edge = network_.edges()[leg.edge];
+    Random along(key_of({key_of_lane(leg, lane), 1}));
+    for (double s = along.uniform(5.0, spec_.spacing_m); s < edge.length_m() - 15.0;
+         s += spec_.spacing_m * along.uniform(0.4, 1.6)) {
+      const double station = leg.forward ? s : edge.length_m() - s;
+      places.push_back({.start = {.leg = leg, .lane = lane, .station = s, .key = along.bits()},
+                        .at = edge.point(station)});
+    }
+    return places;
+  }
+
+  template <typename Visit>
+  void for_each_lane(const Visit& visit) const {
     for (std::size_t e = 0; e < network_.edges().size(); ++e) {
       for (const bool forward : {true, false}) {
         for (int lane = 0; lane < network_.edges()[e].section.lanes; ++lane) {
-          fill_lane({e, forward}, lane, start);
+          visit(Leg{e, forward}, lane);
         }
       }
     }
   }
 
+  /// Vehicles all over the lanes, and more that come in where roads end. How long the drive lasts
+  /// decides how many come in, and changes nothing about the others.
+  void populate(const Route& own) {
+    const Eigen::Vector2d start = own.path->point(own.start_m);
+    for_each_lane([&](const Leg& leg, int lane) { fill_lane(leg, lane, start); });
+  }
+
   void fill_lane(const Leg& leg, int lane, const Eigen::Vector2d& own_start) {
-    const RoadEdge& edge = network_.edges()[leg.edge];
-    const std::uint64_t key =
-        key_of({key_, leg.edge, leg.forward ? 1U : 0U, static_cast<std::uint64_t>(lane)});
-    Random along(key_of({key, 1}));
-    for (double s = along.uniform(5.0, spec_.spacing_m); s < edge.length_m() - 15.0;
-         s += spec_.spacing_m * along.uniform(0.4, 1.6)) {
-      const Start start{.leg = leg, .lane = lane, .station = s, .key = along.bits()};
-      const double station = leg.forward ? s : edge.length_m() - s;
-      // Our own place at the start stays free.
-      if ((edge.point(station) - own_start).norm() > 25.0) add(start);
+    for (const Place& place : places_in(leg, lane)) {
+      if ((place.at - own_start).norm() > kOwnRoom) add(place.start);
     }
+    const RoadEdge& edge = network_.edges()[leg.edge];
     const std::size_t entry = leg.forward ? edge.from : edge.to;
     if (network_.nodes()[entry].edges.size() > 1) return;
-    Random later(key_of({key, 2}));
+    Random later(key_of({key_of_lane(leg, lane), 2}));
     const double every = spec_.spacing_m / spec_.speed_mps;
     for (double t = every - kSettle_s; t < duration_s_; t += every * later.uniform(0.5, 1.5)) {
       add({.leg = leg, .lane = lane, .station = 1.0, .time_s = t, .key = later.bits()});
+    }
+  }
+
+  /// Lets vehicles start where our vicinity begins, and takes away those that have left it.
+  void follow_us(const Eigen::Vector2d& us) {
+    std::erase_if(vehicles_, [&](Vehicle& v) {
+      if (v.own) return false;
+      const bool left = v.present && (v.at - us).norm() > spec_.vicinity_m + kVicinityMargin;
+      if (!left && (v.present || v.enters_s != kNever)) return false;
+      finish(finished_, v);
+      return true;
+    });
+    for (Place& place : places_) {
+      const double away = (place.at - us).norm();
+      const bool near = away < spec_.vicinity_m;
+      if (near && !place.near && away > kOwnRoom) {
+        Start start = place.start;
+        start.time_s = time_;
+        start.key = key_of({place.start.key, place.times++});
+        add(start);
+      }
+      place.near = near;
     }
   }
 
@@ -369,6 +440,8 @@ class Traffic {
   const mapping::CancelFlag* cancel_;
   std::vector<Vehicle> vehicles_;
   std::vector<Seen> seen_;
+  std::vector<Place> places_;
+  std::vector<Driven> finished_;
 };
 
 }  // namespace

@@ -23,6 +23,9 @@ struct TrafficSpec {
   bool overtakes = false;
   /// Our own speed where nothing is in the way [m/s].
   double own_speed_mps = 8.5;
+  /// There is traffic only so far from us [m], so that it costs as much in a large network as in a
+  /// small one. 0 = everywhere.
+  double vicinity_m = 0.0;
 };
 
 /// A vehicle of the traffic.

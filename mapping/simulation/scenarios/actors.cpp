@@ -253,47 +253,106 @@ void add_traffic(World& world, const WorldSpec& spec, std::vector<Driven> driven
   }
 }
 
+namespace {
+
+/// While somebody walks [s].
+struct Span {
+  double begin_s;
+  double end_s;
+};
+
+/// People on the pavements.
+class Walkers {
+ public:
+  Walkers(World& world, const Plan& plan, const WorldSpec& spec)
+      : world_(world),
+        vicinity_m_(plan.traffic.vicinity_m),
+        whole_{-1.0, spec.duration_s + 1.0},
+        stock_(world, day_key(spec, Stream::kBodies, 2)) {
+    for (double t = whole_.begin_s; vicinity_m_ > 0.0 && t <= whole_.end_s; t += 1.0)
+      way_.push_back(world.own_motion.point(t));
+  }
+
+  /// Somebody who starts from here; where there is traffic in our vicinity only, another one each
+  /// time that we come near.
+  void add(const RoadEdge& edge, int side, double s, std::uint64_t bits) {
+    if (vicinity_m_ <= 0.0) {
+      add(edge, side, s, whole_, bits, true);
+      return;
+    }
+    const Eigen::Vector2d here = edge.point(s);
+    std::uint64_t number = 0;
+    for (std::size_t i = 0; i < way_.size(); ++i) {
+      const std::size_t first = i;
+      while (i < way_.size() && (way_[i] - here).norm() < vicinity_m_) ++i;
+      if (i == first) continue;
+      const Span span{whole_.begin_s + static_cast<double>(first),
+                      std::min(whole_.begin_s + static_cast<double>(i), whole_.end_s)};
+      // Who stands here does so all the time.
+      add(edge, side, s, span, key_of({bits, number}), number == 0);
+      ++number;
+    }
+  }
+
+ private:
+  void add(const RoadEdge& edge, int side, double s, const Span& span, std::uint64_t bits,
+           bool may_stand) {
+    Random own(bits);
+    const double out = own.uniform(0.5, std::max(0.6, edge.section.pavement_width - 0.4));
+    const bool stands = own.chance(0.2);
+    const bool forward = own.chance(0.5);
+    const double speed = own.uniform(0.9, 1.7);
+    Actor actor = stock_.draw(BodyKind::kPedestrian, own);
+    const Eigen::Vector2d here = beside_road(edge, side, s, out).point;
+    if (!world_.terrain->covers(here)) return;
+    if (stands) {
+      if (!may_stand) return;
+      actor.T_world_body = world_.terrain->T_world_upright(here, own.uniform(0.0, 2.0 * pi));
+    } else {
+      std::vector<Eigen::Vector2d> points;
+      const double way = 1.8 * (span.end_s - span.begin_s);
+      // Up to the end of the pavement, and standing there.
+      for (double w = 0.0; w < way + 3.0; w += 1.0) {
+        const double at = forward ? s + w : s - w;
+        if (at < 1.0 || at > edge.length_m() - 1.0) break;
+        points.push_back(beside_road(edge, side, at, out).point);
+      }
+      if (points.size() < 4) return;
+      Motion motion{.path = std::make_shared<Path>(points),
+                    .begin_s = span.begin_s,
+                    .stations_m = {},
+                    .offsets_m = {}};
+      for (double t = span.begin_s; t <= span.end_s; t += Motion::kStep_s) {
+        motion.stations_m.push_back(
+            std::min(speed * (t - span.begin_s), motion.path->length_m() - 0.1));
+        motion.offsets_m.push_back(0.0);
+      }
+      actor.label = label_of(BodyKind::kPedestrian, true);
+      actor.motion = std::move(motion);
+    }
+    world_.actors.push_back(std::move(actor));
+  }
+
+  World& world_;
+  double vicinity_m_;
+  Span whole_;
+  BodyStock stock_;
+  /// Where we are, each second of all the time.
+  std::vector<Eigen::Vector2d> way_;
+};
+
+}  // namespace
+
 void add_walkers(World& world, const Plan& plan, const WorldSpec& spec) {
   if (plan.walkers_per_100_m <= 0.0) return;
-  BodyStock stock(world, day_key(spec, Stream::kBodies, 2));
-  const double way = 1.8 * (spec.duration_s + 2.0);
+  Walkers walkers(world, plan, spec);
   for (std::size_t e = 0; e < world.network->edges().size(); ++e) {
     const RoadEdge& edge = world.network->edges()[e];
     for (const int side : {0, 1}) {
       Random random(day_key(spec, Stream::kWalkers, 2 * e + static_cast<std::uint64_t>(side)));
       for (double s = random.uniform(2.0, 30.0); s < edge.length_m() - 2.0;
            s += 100.0 / plan.walkers_per_100_m * random.uniform(0.3, 1.7)) {
-        Random own(random.bits());
-        const double out = own.uniform(0.5, std::max(0.6, edge.section.pavement_width - 0.4));
-        const bool stands = own.chance(0.2);
-        const bool forward = own.chance(0.5);
-        const double speed = own.uniform(0.9, 1.7);
-        Actor actor = stock.draw(BodyKind::kPedestrian, own);
-        const Eigen::Vector2d here = beside_road(edge, side, s, out).point;
-        if (!world.terrain->covers(here)) continue;
-        if (stands) {
-          actor.T_world_body = world.terrain->T_world_upright(here, own.uniform(0.0, 2.0 * pi));
-        } else {
-          std::vector<Eigen::Vector2d> points;
-          // Up to the end of the pavement, and standing there.
-          for (double w = 0.0; w < way + 3.0; w += 1.0) {
-            const double at = forward ? s + w : s - w;
-            if (at < 1.0 || at > edge.length_m() - 1.0) break;
-            points.push_back(beside_road(edge, side, at, out).point);
-          }
-          if (points.size() < 4) continue;
-          Motion motion{.path = std::make_shared<Path>(points),
-                        .begin_s = -1.0,
-                        .stations_m = {},
-                        .offsets_m = {}};
-          for (double t = -1.0; t <= spec.duration_s + 1.0; t += Motion::kStep_s) {
-            motion.stations_m.push_back(std::min(speed * (t + 1.0), motion.path->length_m() - 0.1));
-            motion.offsets_m.push_back(0.0);
-          }
-          actor.label = label_of(BodyKind::kPedestrian, true);
-          actor.motion = std::move(motion);
-        }
-        world.actors.push_back(std::move(actor));
+        walkers.add(edge, side, s, random.bits());
       }
     }
   }

@@ -6,7 +6,7 @@
 #include "geometry/random.hpp"
 #include "scenarios/scenario.hpp"
 
-/// The town and the depot: roads on a bent grid.
+/// The town, the city and the depot: roads on a bent grid.
 namespace stillmap::simulation {
 namespace {
 
@@ -95,11 +95,32 @@ class GridBuilder {
   std::vector<double> turns_;
 };
 
-/// Twice and in both directions over every road between the first 3 x 2 nodes, again and again,
-/// never turning round.
-Route own_route(const RoadNetwork& network, std::size_t columns, double way_m) {
-  const std::size_t a = 0, b = 1, c = columns + 1, d = columns, e = 2, f = columns + 2;
-  const std::array<std::size_t, 18> round{a, b, c, d, a, b, e, f, c, b, a, d, c, f, e, b, c, d};
+/// Twice and in both directions over every road between the first 3 x 2 nodes, never turning round.
+std::vector<std::size_t> small_round(const Grid& grid) {
+  const std::size_t a = 0, b = 1, c = grid.columns + 1, d = grid.columns, e = 2,
+                    f = grid.columns + 2;
+  return {a, b, c, d, a, b, e, f, c, b, a, d, c, f, e, b, c, d};
+}
+
+/// Over every road, never turning round: along the rows, one after the other, and then along the
+/// columns. The grid is square and its number of rows odd, so that the end is next to the start.
+std::vector<std::size_t> round_over_all(const Grid& grid) {
+  const std::size_t n = grid.rows;
+  std::vector<std::size_t> nodes;
+  for (std::size_t row = 0; row < n; ++row) {
+    for (std::size_t i = 0; i < n; ++i) nodes.push_back(row * n + (row % 2 == 0 ? i : n - 1 - i));
+  }
+  // The last node of the rows is the first of the columns, and their last one where rows begin.
+  for (std::size_t i = 1; i + 1 < n * n; ++i) {
+    const std::size_t column = n - 1 - i / n;
+    const std::size_t row = i / n % 2 == 0 ? n - 1 - i % n : i % n;
+    nodes.push_back(row * n + column);
+  }
+  return nodes;
+}
+
+/// Round and round.
+Route own_route(const RoadNetwork& network, const std::vector<std::size_t>& round, double way_m) {
   std::vector<std::size_t> nodes;
   double length = 0.0;
   for (std::size_t i = 0; length < way_m + 300.0; ++i) {
@@ -137,11 +158,10 @@ RoadSection yard_section(Random& random) {
   return section;
 }
 
-}  // namespace
-
-Plan plan_town(const WorldSpec& spec) {
+/// Streets on a grid, driven along a round.
+Plan plan_streets(const WorldSpec& spec, const Grid& grid, const std::vector<std::size_t>& round) {
   Plan plan;
-  plan.network = GridBuilder(Grid{}, spec.seed, street_section).build();
+  plan.network = GridBuilder(grid, spec.seed, street_section).build();
   Random random(key_of(spec.seed, Stream::kRoad, 1));
   plan.relief = {.max_grade = random.uniform(0.02, 0.10), .hill_length_m = 260.0, .dip_m = 0.05};
   plan.plots = plan_plots(*plan.network, spec.seed);
@@ -154,8 +174,22 @@ Plan plan_town(const WorldSpec& spec) {
                      {BodyKind::kVan, 1.2},     {BodyKind::kTruck, 0.2},
                      {BodyKind::kTrailer, 0.3}, {BodyKind::kMotorcycle, 0.4}};
   plan.parked_share = 0.4;
-  plan.own_route =
-      own_route(*plan.network, Grid{}.columns, plan.traffic.own_speed_mps * spec.duration_s);
+  plan.own_route = own_route(*plan.network, round, plan.traffic.own_speed_mps * spec.duration_s);
+  return plan;
+}
+
+}  // namespace
+
+Plan plan_town(const WorldSpec& spec) {
+  const Grid grid;
+  return plan_streets(spec, grid, small_round(grid));
+}
+
+Plan plan_city(const WorldSpec& spec) {
+  Grid grid;
+  grid.columns = grid.rows = kCityRows;
+  Plan plan = plan_streets(spec, grid, round_over_all(grid));
+  plan.traffic.vicinity_m = 250.0;
   return plan;
 }
 
@@ -188,7 +222,7 @@ Plan plan_depot(const WorldSpec& spec) {
                      {BodyKind::kSaloon, 1}};
   plan.walkers_per_100_m = 3.0;
   plan.own_route =
-      own_route(*plan.network, grid.columns, plan.traffic.own_speed_mps * spec.duration_s);
+      own_route(*plan.network, small_round(grid), plan.traffic.own_speed_mps * spec.duration_s);
   return plan;
 }
 

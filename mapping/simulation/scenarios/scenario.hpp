@@ -48,6 +48,9 @@ struct Plan {
 };
 
 [[nodiscard]] Plan plan_town(const WorldSpec& spec);
+/// Nodes along each side of the city's grid.
+inline constexpr std::size_t kCityRows = 9;
+[[nodiscard]] Plan plan_city(const WorldSpec& spec);
 [[nodiscard]] Plan plan_highway(const WorldSpec& spec);
 [[nodiscard]] Plan plan_depot(const WorldSpec& spec);
 

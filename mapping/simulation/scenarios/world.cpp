@@ -14,6 +14,7 @@ namespace {
 
 Plan plan_of(const WorldSpec& spec) {
   if (spec.scenario == "town") return plan_town(spec);
+  if (spec.scenario == "city") return plan_city(spec);
   if (spec.scenario == "highway") return plan_highway(spec);
   if (spec.scenario == "depot") return plan_depot(spec);
   throw std::invalid_argument(
@@ -44,7 +45,7 @@ void stand_beside_lane(Motion& own) {
 
 void furnish(World& world, const Plan& plan, const WorldSpec& spec) {
   Scenery scenery(world, spec.seed);
-  if (spec.scenario == "town") {
+  if (spec.scenario == "town" || spec.scenario == "city") {
     build_plots(scenery, plan, spec);
     furnish_streets(scenery, plan, spec);
   } else if (spec.scenario == "highway") {
@@ -72,10 +73,10 @@ Body make_own_body() {
 
 }  // namespace
 
-std::string scenario_names() { return "town highway depot"; }
+std::string scenario_names() { return "town city highway depot"; }
 
 bool is_scenario(const std::string& name) {
-  return name == "town" || name == "highway" || name == "depot";
+  return name == "town" || name == "city" || name == "highway" || name == "depot";
 }
 
 World make_world(const WorldSpec& spec) {

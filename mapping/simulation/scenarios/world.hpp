@@ -86,7 +86,7 @@ struct WorldSpec {
   const mapping::CancelFlag* cancel = nullptr;
 };
 
-/// "town highway depot".
+/// "town city highway depot".
 [[nodiscard]] std::string scenario_names();
 [[nodiscard]] bool is_scenario(const std::string& name);
 

@@ -55,7 +55,8 @@ void add_simulate(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("simulate", "Simulate a drive, with the ground truth beside it");
   command
-      ->add_option("SCENARIO", options.scenario, "World to drive through: town, highway or depot")
+      ->add_option("SCENARIO", options.scenario,
+                   "World to drive through: town, city, highway or depot")
       ->capture_default_str();
   command
       ->add_option("-o,--output", arguments->drive, "Folder of the drive to write; must not exist")
@@ -95,8 +96,17 @@ void add_simulate(CLI::App& app) {
       ->expected(6);
   command->add_option("--phase", options.phase_s, "How much later each scan is taken, in seconds")
       ->capture_default_str();
-  command->add_option("--scans", options.scans, "Number of scans, about ten a second")
+  command
+      ->add_option("--scans", options.scans,
+                   "Number of scans, about ten a second: up to 10000, in a city up to 100000")
       ->capture_default_str();
+  command
+      ->add_option("--first", options.first,
+                   "Write a part of a longer drive: the number of its first scan, from 0")
+      ->capture_default_str();
+  command->add_option("--of", options.of,
+                      "Scans of the whole drive that this is a part of (default: up to the last "
+                      "scan of the part)");
   command
       ->add_option("--layout", options.layout,
                    "Layout of the drive: kitti-odometry, kitti-raw or pcd")

@@ -3,6 +3,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/simulation/simulate.hpp>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -57,6 +58,51 @@ TEST(Simulation, GivesTheSameBytesForAnyNumberOfThreads) {
   const auto first = bytes_of(simulate(folder, "one", one));
   EXPECT_EQ(first, bytes_of(simulate(folder, "two", two)));
   EXPECT_GT(first.size(), 3 + 2 * kScans);
+}
+
+TEST(Simulation, PartsOfADriveAreTheSameAsTheWhole) {
+  const test::TemporaryFolder folder;
+  for (const std::string scenario : {"town", "city"}) {
+    SimulationOptions options = small_drive();
+    options.scenario = scenario;
+    options.scans = 12;
+    const auto whole = bytes_of(simulate(folder, scenario, options));
+    options.of = options.scans;
+    std::map<std::string, std::string> joined;
+    for (const std::size_t first : {0U, 5U}) {
+      options.first = first;
+      options.scans = first == 0 ? 5 : 7;
+      const auto part = bytes_of(simulate(folder, fmt::format("{}_{}", scenario, first), options));
+      for (std::size_t i = 0; i < options.scans; ++i) {
+        for (const std::string name : {"velodyne/{:06}.bin", "labels/{:06}.label"}) {
+          EXPECT_TRUE(part.at(fmt::format(fmt::runtime(name), i)) ==
+                      whole.at(fmt::format(fmt::runtime(name), first + i)))
+              << scenario << " from " << first << " scan " << i;
+        }
+      }
+      for (const std::string name : {"poses.txt", "times.txt"}) joined[name] += part.at(name);
+    }
+    EXPECT_EQ(joined.at("poses.txt"), whole.at("poses.txt"));
+    EXPECT_EQ(joined.at("times.txt"), whole.at("times.txt"));
+  }
+}
+
+TEST(Simulation, OnlyTheCityHasDrivesOfMoreThanTenThousandScans) {
+  SimulationOptions options = small_drive();
+  options.scans = 10'001;
+  EXPECT_THAT(options.violations(), testing::ElementsAre(testing::HasSubstr("1 to 10000 (")));
+  options.scenario = "city";
+  EXPECT_THAT(options.violations(), testing::IsEmpty());
+  options.scans = 100'000;
+  EXPECT_THAT(options.violations(), testing::IsEmpty());
+  options.first = 1;
+  EXPECT_THAT(options.violations(), testing::ElementsAre(testing::HasSubstr("of 100000 scans")));
+  options.scans = 99'999;
+  EXPECT_THAT(options.violations(), testing::IsEmpty());
+  options.of = 99'999;
+  EXPECT_THAT(options.violations(), testing::ElementsAre(testing::HasSubstr("of 99999 scans")));
+  options.of = 100'001;
+  EXPECT_THAT(options.violations(), testing::ElementsAre(testing::HasSubstr("at most 100000")));
 }
 
 TEST(Simulation, AnotherSeedIsAnotherWorldAndAnotherDayOnlyOtherTraffic) {
@@ -191,6 +237,10 @@ TEST(Simulation, NamesEveryBrokenOption) {
   EXPECT_THAT(message([](auto& o) { o.mount[0] = 1.0; }), testing::HasSubstr("layout pcd"));
   EXPECT_THAT(message([](auto& o) { o.mount[4] = 200.0; }), testing::HasSubstr("within 180"));
   EXPECT_THAT(message([](auto& o) { o.phase_s = -0.1; }), testing::HasSubstr("phase_s"));
+  const auto part = [](auto& o) { o.first = 1, o.layout = "kitti-raw"; };
+  EXPECT_THAT(message(part), testing::HasSubstr("kitti-odometry or pcd"));
+  const auto walk = [](auto& o) { o.scenario = "city", o.carrier = "hand"; };
+  EXPECT_THAT(message(walk), testing::HasSubstr("scenario town, highway or depot"));
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "bad"));
 }
 

@@ -6,10 +6,12 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <set>
 
 #include "geometry/random.hpp"
 #include "roads/route.hpp"
 #include "roads/traffic.hpp"
+#include "scenarios/scenario.hpp"
 #include "sensing/ego_motion.hpp"
 #include "sensing/scanner.hpp"
 #include "small_world.hpp"
@@ -107,7 +109,7 @@ TEST(Path, KeepsStraightLinesAndIsSmoothInTurns) {
 
 /// Gap between two rectangles on the ground along their nearest axis, roughly: centres less halves.
 TEST(Traffic, KeepsItsDistanceAndStaysOnItsSide) {
-  for (const std::string scenario : {"town", "highway"}) {
+  for (const std::string scenario : {"town", "city", "highway"}) {
     WorldSpec spec = short_drive(scenario);
     spec.duration_s = 40.0;
     const World world = make_world(spec);
@@ -129,6 +131,59 @@ TEST(Traffic, KeepsItsDistanceAndStaysOnItsSide) {
     }
     EXPECT_GT(moving, 100U);
   }
+}
+
+TEST(City, IsDrivenAlongEveryStreetBetweenCrossingsAndNeverTurnsRound) {
+  WorldSpec spec = short_drive("city");
+  spec.duration_s = 3000.0;
+  const Plan plan = plan_city(spec);
+  const std::vector<StopLine>& stops = plan.own_route.stops;
+  // Rows and columns, and from each to the next.
+  constexpr std::size_t kRound = 2 * (kCityRows + 1) * (kCityRows - 1);
+  ASSERT_GT(stops.size(), kRound + 1);
+  std::set<std::size_t> driven;
+  for (std::size_t i = 0; i < kRound; ++i) {
+    driven.insert(stops[i].edge);
+    EXPECT_NE(stops[i].edge, stops[i + 1].edge);
+  }
+  EXPECT_EQ(driven.size(), 2 * kCityRows * (kCityRows - 1));
+  EXPECT_EQ(stops[kRound].edge, stops[0].edge);
+  EXPECT_EQ(stops[kRound].node, stops[0].node);
+  const double round_m = stops[kRound].station_m - stops[0].station_m;
+  EXPECT_GT(round_m, 18'000.0);
+  EXPECT_LT(round_m, 21'000.0);
+  EXPECT_LT((plan.own_route.path->point(stops[kRound].station_m) -
+             plan.own_route.path->point(stops[0].station_m))
+                .norm(),
+            1.0);
+}
+
+TEST(City, HasTrafficAroundUsThatComesAndGoesOutOfSight) {
+  constexpr double kDuration = 400.0;
+  constexpr double kSight = 120.0;
+  WorldSpec spec = short_drive("city");
+  spec.duration_s = kDuration;
+  const Plan plan = plan_city(spec);
+  const std::vector<Driven> driven = drive_traffic(*plan.network, plan.own_route, plan.traffic,
+                                                   {.duration_s = kDuration, .key = 3});
+  const Motion& own = driven.front().motion;
+  std::size_t met = 0;
+  for (std::size_t i = 1; i < driven.size(); ++i) {
+    const Motion& motion = driven[i].motion;
+    const auto away = [&](double t) { return (motion.point(t) - own.point(t)).norm(); };
+    if (motion.begin_s > -0.9) {
+      EXPECT_GT(away(motion.begin_s), kSight);
+    }
+    const double end_s = std::min(motion.end_s(), kDuration);
+    if (end_s < kDuration) {
+      EXPECT_GT(away(end_s), kSight);
+    }
+    for (double t = 0.0; t <= kDuration; t += 10.0) met += motion.covers(t) && away(t) < kSight;
+  }
+  // Five at a time.
+  EXPECT_GT(met, 200U);
+  // Not one for each place in all the streets.
+  EXPECT_LT(driven.size(), 2000U);
 }
 
 TEST(Town, IsDrivenTwiceAndInBothDirectionsAndLoopsMeet) {

@@ -15,7 +15,8 @@ namespace stillmap::simulation {
 /// What is driven through, with which sensor, and how it is written.
 struct SimulationOptions {
   /// World to drive through: `town`, streets on a bent grid, each driven twice and in both
-  /// directions on a long drive; `highway`; `depot`, a yard with halls, containers and trucks.
+  /// directions on a long drive; `city`, the same with more streets: one round leads over all of
+  /// them, some 19 km; `highway`; `depot`, a yard with halls, containers and trucks.
   std::string scenario = "town";
   /// Another seed is another world of the same kind.
   std::uint64_t seed = 1;
@@ -45,8 +46,13 @@ struct SimulationOptions {
   /// mapping/simulation/README.md). Layout `pcd` only: the points of the others are at one instant,
   /// or have no times.
   bool imu = false;
-  /// Scans taken; 1 to 10000.
+  /// Scans taken, at least 1. The whole drive has at most 10000 scans (city: 100000).
   std::size_t scans = 100;
+  /// A part of a longer drive: the number of its first scan, counted from 0, and the scans of the
+  /// whole drive (0 = it ends with this part). The part's scans, frame and clock are those of the
+  /// whole drive. `first` > 0 only with the layouts `kitti-odometry` and `pcd`, without an IMU.
+  std::size_t first = 0;
+  std::size_t of = 0;
   /// `kitti-odometry`, `kitti-raw` or `pcd`.
   std::string layout = "kitti-odometry";
   /// Also writes what only a simulator knows: `truth/`.
