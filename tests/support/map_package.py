@@ -3,7 +3,7 @@
     map = MapPackage(folder)
     for tile in map.tiles(): tile.position (N x 3 float64, map frame), tile.intensity, tile.observations, tile.kind,
         tile.object, tile.normal, tile.planarity, tile.first_scan, tile.last_scan (numbers over all
-        drives; object plus 1)
+        drives; object plus 1), tile.evidence_drive, tile.free, tile.hit (drives x 20 x 20 x 8)
 
 Checks what the page lets a reader check: digests, sizes, order; ValueError says what is wrong.
 """
@@ -36,6 +36,10 @@ class Tile:
     planarity: np.ndarray = None
     first_scan: np.ndarray = None
     last_scan: np.ndarray = None
+    evidence_base_m: int = 0
+    evidence_drive: np.ndarray = None
+    free: np.ndarray = None
+    hit: np.ndarray = None
 
 
 def require(holds, what):
@@ -56,7 +60,7 @@ class Columns:
 
 
 def decode_tile(data, x, y, origin, drives):
-    points, flags, base_m, tall, of_objects, scans, named, _ = struct.unpack_from("<IIiIIIII", data)
+    points, flags, base_m, tall, of_objects, scans, named, seen = struct.unpack_from("<IIiIIIII", data)
     columns, has_history = Columns(data, 32), bool(flags & 1)
 
     def over_all(rows, counted):
@@ -80,6 +84,10 @@ def decode_tile(data, x, y, origin, drives):
         number = over_all(scans, "scans")
         width = "<u4" if flags & 2 else "<u2"
         tile.first_scan, tile.last_scan = (number[columns.take(width, points)] for _ in range(2))
+    tile.evidence_base_m = int(columns.take("<i4", 1 if seen else 0).sum())
+    tile.evidence_drive = columns.take("<u4", seen)
+    tile.free, tile.hit = (np.unpackbits(columns.take("u1", 400 * seen), bitorder="little").reshape(seen, 20, 20, 8).astype(bool)
+                           for _ in range(2))
     require(columns.at == len(data), f"tile {x}, {y}: {len(data)} bytes, expected {columns.at}")
     return tile
 

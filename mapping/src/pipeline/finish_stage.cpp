@@ -1,4 +1,5 @@
 #include "cleaning/free_space_cleaner.hpp"
+#include "cleaning/seen_cubes.hpp"
 #include "consistency/surface_cells.hpp"
 #include "core/ordered_pipeline.hpp"
 #include "core/top_view.hpp"
@@ -93,10 +94,28 @@ std::map<maps::TileId, std::vector<std::uint8_t>> moved_in_whole(const Build& bu
 
 struct FinishedTile {
   TilePoints tile;
+  maps::TileEvidence evidence;
   Counts counts;
   StageSeconds stage_seconds;
   ConsistencySum consistency;
 };
+
+/// By scan.
+std::vector<std::size_t> drives_of(const DriveSet& drives) {
+  std::vector<std::size_t> of_scan;
+  for (std::size_t scan = 0; scan < drives.size(); ++scan)
+    of_scan.push_back(drives.place(scan).drive);
+  return of_scan;
+}
+
+/// Whole metres, below which hardly a point of a tile lies: single ones are mirror images.
+std::int32_t lowest_m(const std::vector<maps::MapPoint>& points) {
+  std::vector<float> heights;
+  for (const maps::MapPoint& p : points) heights.push_back(p.z);
+  const auto low = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 20);
+  std::nth_element(heights.begin(), low, heights.end());
+  return static_cast<std::int32_t>(std::floor(*low));
+}
 
 /// What is done to one tile. Safe from several threads, for different tiles.
 class TileWork {
@@ -105,7 +124,8 @@ class TileWork {
       : grid_(*build.grid),
         options_(build.task.options),
         ground_(build.survey->ground),
-        views_(posed_views(*build.drives, build.survey->views, grid_.origin())) {
+        views_(posed_views(*build.drives, build.survey->views, grid_.origin())),
+        seen_(views_, drives_of(*build.drives)) {
     if (options_.clean == "free-space") keyframes_ = select_keyframes(views_.T_local_lidar);
     for (const maps::Edit& edit : build.task.edits) {
       if (edit.action != maps::EditAction::kKeep || !edit.box) continue;
@@ -141,6 +161,10 @@ class TileWork {
       });
     }
     if (!footprints_.empty()) fill(out);
+    if (!out.tile.points.empty()) {
+      const StageTimer timer(out.stage_seconds, "evidence");
+      out.evidence = seen_.of(id, lowest_m(out.tile.points));
+    }
     open.sums = {};
     {
       const StageTimer timer(out.stage_seconds, "consistency");
@@ -183,6 +207,7 @@ class TileWork {
   /// Regions in which nothing is cleaned; local frame.
   std::vector<maps::Box> kept_;
   PosedViews views_;
+  SeenCubes seen_;
   std::vector<Keyframe> keyframes_;
   std::vector<GroundFootprint> footprints_;
   /// Number of each footprint's object plus 1.
@@ -258,7 +283,8 @@ void finish_tiles(Build& build) {
     const maps::MapTile tile = finished.tile.placed(build.grid->origin());
     result.points["static"] += tile.size();
     for (const maps::MapPoint& p : tile) preview.add_point(tile.from_origin(p));
-    if (!tile.empty()) task.writer.add_tile(finished.tile.id, tile, finished.tile.history);
+    if (!tile.empty())
+      task.writer.add_tile(finished.tile.id, tile, finished.tile.history, finished.evidence);
     build.tell("tiles", ++done, ids.size());
   };
   for (const RegionTiles& region : regions_of(ids)) {

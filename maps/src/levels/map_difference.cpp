@@ -30,7 +30,7 @@ fs::path file_of(const MapPackage& version, const MapPackage& other, double tole
 }
 
 std::string key_of(const MapPackage& version, const MapPackage& other, double tolerance_m) {
-  return "difference 1 of " + version.digest() + " and " + other.digest() + " within " +
+  return "difference 2 of " + version.digest() + " and " + other.digest() + " within " +
          std::to_string(MapDifference::tolerance_mm(tolerance_m)) + " mm";
 }
 
@@ -133,7 +133,8 @@ DifferenceTile tile_of(const TileRow& row) {
   DifferenceTile tile;
   tile.side = static_cast<DifferenceSide>(row.group);
   tile.entry = row.entry({.level = 0, .x = row.x, .y = row.y});
-  tile.counts = {.points = row.points, .kinds = row.kinds, .area_m2 = row.squares};
+  tile.counts = {
+      .points = row.points, .kinds = row.kinds, .area_m2 = row.squares, .seen_free = row.seen_free};
   return tile;
 }
 
@@ -173,9 +174,12 @@ fs::path MapDifference::make(const MapPackage& version, const MapPackage& other,
   double done = 0.0;
   for (const auto& [side, place] : all) {
     const bool is_first = side == DifferenceSide::kVersion;
+    const ShiftedPoints& theirs = is_first ? second : first;
     const std::vector<MapPoint> points =
-        only_in(is_first ? first : second, is_first ? second : first, place, rounded_m);
-    if (!points.empty()) writer.add(row_id(side, place.first, place.second), points);
+        only_in(is_first ? first : second, theirs, place, rounded_m);
+    if (!points.empty())
+      writer.add(row_id(side, place.first, place.second), points,
+                 theirs.count_seen_free(points, place.first, place.second));
     done += 1.0;
     if (work.go_on && !work.go_on(done / static_cast<double>(all.size()))) throw WorkStopped();
   }
@@ -219,6 +223,7 @@ DifferenceCounts MapDifference::total(DifferenceSide side) const {
     for (std::size_t kind = 0; kind < sum.kinds.size(); ++kind)
       sum.kinds[kind] += tile.counts.kinds[kind];
     sum.area_m2 += tile.counts.area_m2;
+    sum.seen_free += tile.counts.seen_free;
   }
   return sum;
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <string>
 
 namespace stillmap::maps {
@@ -73,6 +74,23 @@ std::vector<MapPoint> ShiftedPoints::in_tile(std::int32_t x, std::int32_t y,
     }
   }
   return points;
+}
+
+std::uint32_t ShiftedPoints::count_seen_free(const std::vector<MapPoint>& points, std::int32_t x,
+                                             std::int32_t y) const {
+  const Eigen::Vector3d corner = corner_of({.level = 0, .x = x, .y = y}) - shift_;
+  // A tile of ours has the points of four of theirs at most.
+  std::map<TileId, TileEvidence> evidence;
+  std::uint32_t count = 0;
+  for (const MapPoint& point : points) {
+    const Eigen::Vector3d p = corner + Eigen::Vector3d(point.x, point.y, point.z);
+    const TileId tile{.level = 0, .x = tile_of(p.x()), .y = tile_of(p.y())};
+    auto known = evidence.find(tile);
+    if (known == evidence.end()) known = evidence.emplace(tile, map_.evidence(tile)).first;
+    const auto cube = known->second.cube_of(p - corner_of(tile));
+    count += cube && known->second.is_free(*cube) ? 1 : 0;
+  }
+  return count;
 }
 
 }  // namespace stillmap::maps

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include <cstdint>
 #include <set>
 #include <utility>
 #include <vector>
@@ -23,6 +24,10 @@ class ShiftedPoints {
   /// each point of the map is in one tile.
   [[nodiscard]] std::vector<MapPoint> in_tile(std::int32_t x, std::int32_t y,
                                               double margin_m = 0.0) const;
+  /// How many of some points lie where the map's drives saw nothing but free space.
+  /// @param points  of a tile, from its corner.
+  [[nodiscard]] std::uint32_t count_seen_free(const std::vector<MapPoint>& points, std::int32_t x,
+                                              std::int32_t y) const;
 
  private:
   const MapPackage& map_;

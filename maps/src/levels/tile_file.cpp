@@ -74,10 +74,11 @@ TileFileWriter::TileFileWriter(const std::filesystem::path& file, std::string ke
   file_.append(std::vector<std::byte>(kTileFileHead));
 }
 
-void TileFileWriter::add(TileId id, std::span<const MapPoint> points) {
+void TileFileWriter::add(TileId id, std::span<const MapPoint> points, std::uint32_t seen_free) {
   if (!rows_.empty() && !before(rows_.back(), id))
     throw std::invalid_argument("tiles out of their order");
   TileRow row = row_of(id, points);
+  row.seen_free = seen_free;
   row.offset = file_.size();
   file_.append(std::as_bytes(points));
   points_crc_ = crc32c(std::as_bytes(points), points_crc_);

@@ -31,7 +31,8 @@ struct TileRow {
   std::array<std::uint64_t, 4> kinds{};
   /// Ground squares of 1 m x 1 m that hold a point.
   std::uint32_t squares = 0;
-  std::uint32_t unused = 0;
+  /// Of a difference: points at places that the other version saw free.
+  std::uint32_t seen_free = 0;
 
   [[nodiscard]] TileId id() const { return {.level = group, .x = x, .y = y}; }
   /// @param tile  that the row is of.
@@ -57,7 +58,7 @@ class TileFileWriter {
 
   /// @param id  after the ones before (by `TileId`'s order). @param points  from the tile's corner,
   /// at least one, finite.
-  void add(TileId id, std::span<const MapPoint> points);
+  void add(TileId id, std::span<const MapPoint> points, std::uint32_t seen_free = 0);
   [[nodiscard]] const std::vector<TileRow>& rows() const { return rows_; }
   /// Safe from several threads while nothing is added.
   [[nodiscard]] std::vector<MapPoint> read(const TileRow& row) const;

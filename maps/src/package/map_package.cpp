@@ -238,6 +238,11 @@ std::vector<PointHistory> MapPackage::history(TileId id) const {
   return records_of<PointHistory>(found->second);
 }
 
+TileEvidence MapPackage::evidence(TileId id) const {
+  if (!packs_ || !has_tile(id)) return {};
+  return decode_evidence(packs_->bytes(id), packs_->name_of(id));
+}
+
 MapPackage::StoredName MapPackage::stored_name(TileId id) const {
   if (packs_) return {hex_of(packs_->find(id)->sha256), packs_->name_of(id)};
   const std::string path = tile_path(id);

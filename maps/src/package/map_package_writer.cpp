@@ -105,7 +105,8 @@ void MapPackageWriter::add_tile(TileId id, std::span<const MapPoint> points,
 }
 
 void MapPackageWriter::add_tile(TileId id, const MapTile& tile,
-                                std::span<const PointHistory> history) {
+                                std::span<const PointHistory> history,
+                                const TileEvidence& evidence) {
   if (!packs_) return add_tile(id, MapTile(tile).points_from(Eigen::Vector3d::Zero()), history);
   TileContent content;
   double lowest_m = std::numeric_limits<double>::infinity();
@@ -129,6 +130,7 @@ void MapPackageWriter::add_tile(TileId id, const MapTile& tile,
     const std::uint32_t object = history.empty() ? content.points[i].object : history[i].object;
     if (object > 0) content.of_objects.push_back({i, object_of(object - 1)});
   }
+  content.evidence = evidence;
   packs_->add(id, content);
 }
 

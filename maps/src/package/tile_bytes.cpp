@@ -35,9 +35,12 @@ struct TileHead {
   /// Scans that the histories name, and objects that points belong to.
   std::uint32_t scans = 0;
   std::uint32_t objects = 0;
-  std::uint32_t unused = 0;
+  /// Drives that the evidence tells of.
+  std::uint32_t drives = 0;
 };
 static_assert(sizeof(TileHead) == 32);
+
+constexpr std::size_t kCubeBytes = TileEvidence::kCubes / 8;
 
 /// Where each column of a tile begins, in their order; each at a multiple of 8.
 struct Columns {
@@ -65,6 +68,10 @@ struct Columns {
     scan_number = take(4 * std::uint64_t{head.scans});
     first = take(has_history ? scan_bytes * n : 0);
     last = take(has_history ? scan_bytes * n : 0);
+    evidence_base = take(head.drives > 0 ? 4 : 0);
+    evidence_drive = take(4 * std::uint64_t{head.drives});
+    free = take(kCubeBytes * head.drives);
+    hit = take(kCubeBytes * head.drives);
   }
 
   std::uint64_t take(std::uint64_t bytes) {
@@ -77,6 +84,7 @@ struct Columns {
   std::uint64_t tall_index = 0, tall_steps = 0;
   std::uint64_t object_index = 0, object = 0, object_drive = 0, object_number = 0;
   std::uint64_t normal = 0, planarity = 0, scan_drive = 0, scan_number = 0, first = 0, last = 0;
+  std::uint64_t evidence_base = 0, evidence_drive = 0, free = 0, hit = 0;
   std::uint64_t end = 0;
 };
 
@@ -200,6 +208,12 @@ void require_encodable(const TileContent& tile) {
       fail(fmt::format("an object of point {} after {}", each.point, before));
     before = each.point;
   }
+  before = -1;
+  for (const TileEvidence::OfDrive& each : tile.evidence.drives) {
+    if (each.drive <= before)
+      fail(fmt::format("evidence of drive {} after {}", each.drive, before));
+    before = each.drive;
+  }
   for (const MapPoint& p : tile.points) {
     if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z) ||
         !std::isfinite(p.intensity))
@@ -245,6 +259,30 @@ void write_history(const TileContent& tile, const NamedRows& scans, const Column
     scans.write_row(columns.last, i, each.last, out);
     out.put(columns.normal, i, each.normal);
     out.put(columns.planarity, i, each.planarity);
+  }
+}
+
+/// Bit i of a byte is cube 8 k + i.
+std::array<std::uint8_t, kCubeBytes> bytes_of(const TileEvidence::Cubes& cubes) {
+  std::array<std::uint8_t, kCubeBytes> bytes{};
+  for (std::size_t cube = 0; cube < cubes.size(); ++cube)
+    bytes.at(cube / 8) |= static_cast<std::uint8_t>((cubes[cube] ? 1U : 0U) << cube % 8);
+  return bytes;
+}
+
+TileEvidence::Cubes cubes_of(const std::array<std::uint8_t, kCubeBytes>& bytes) {
+  TileEvidence::Cubes cubes;
+  for (std::size_t cube = 0; cube < cubes.size(); ++cube)
+    cubes[cube] = (bytes.at(cube / 8) >> cube % 8 & 1U) != 0;
+  return cubes;
+}
+
+void write_evidence(const TileEvidence& evidence, const Columns& columns, TileWriter& out) {
+  if (!evidence.drives.empty()) out.put(columns.evidence_base, 0, evidence.base_m);
+  for (std::size_t i = 0; i < evidence.drives.size(); ++i) {
+    out.put(columns.evidence_drive, i, evidence.drives[i].drive);
+    out.put(columns.free, i, bytes_of(evidence.drives[i].free));
+    out.put(columns.hit, i, bytes_of(evidence.drives[i].hit));
   }
 }
 
@@ -349,7 +387,30 @@ void read_history(const TileReader& in, const TileHead& head, const Columns& col
   }
 }
 
+TileEvidence read_evidence(const TileReader& in, const TileHead& head, const Columns& columns,
+                           const std::string& name) {
+  TileEvidence evidence;
+  if (head.drives > 0) evidence.base_m = in.at<std::int32_t>(columns.evidence_base, 0);
+  std::int64_t before = -1;
+  for (std::uint32_t i = 0; i < head.drives; ++i) {
+    using Bytes = std::array<std::uint8_t, kCubeBytes>;
+    const auto drive = in.at<std::uint32_t>(columns.evidence_drive, i);
+    if (drive <= before)
+      throw InputError(name, fmt::format("evidence of drive {} after {}", drive, before),
+                       "ascending ones: copy or build the map again");
+    before = drive;
+    evidence.drives.push_back(
+        {drive, cubes_of(in.at<Bytes>(columns.free, i)), cubes_of(in.at<Bytes>(columns.hit, i))});
+  }
+  return evidence;
+}
+
 }  // namespace
+
+TileEvidence decode_evidence(std::span<const std::byte> tile, const std::string& name) {
+  const TileHead head = read_head(tile, name);
+  return read_evidence(TileReader(tile), head, Columns(head), name);
+}
 
 bool has_history(std::span<const std::byte> tile, const std::string& name) {
   return (read_head(tile, name).flags & kHasHistory) != 0;
@@ -383,6 +444,7 @@ std::vector<std::byte> encode_tile(const TileContent& tile) {
   head.of_objects = static_cast<std::uint32_t>(tile.of_objects.size());
   head.scans = scans.size();
   head.objects = objects.size();
+  head.drives = static_cast<std::uint32_t>(tile.evidence.drives.size());
   if (!tile.history.empty()) head.flags |= kHasHistory;
   if (scans.is_wide()) head.flags |= kWideScanRows;
   if (objects.is_wide()) head.flags |= kWideObjectRows;
@@ -393,6 +455,7 @@ std::vector<std::byte> encode_tile(const TileContent& tile) {
   write_points(tile, columns, out);
   write_objects(tile, objects, columns, out);
   write_history(tile, scans, columns, out);
+  write_evidence(tile.evidence, columns, out);
   return out.take();
 }
 
@@ -403,7 +466,9 @@ TileContent decode_tile(std::span<const std::byte> bytes, const std::string& nam
   const TileReader in(bytes);
   TileContent tile;
   read_points(in, head, columns, name, tile);
-  if (with_history && (head.flags & kHasHistory) != 0) read_history(in, head, columns, name, tile);
+  if (!with_history) return tile;
+  if ((head.flags & kHasHistory) != 0) read_history(in, head, columns, name, tile);
+  tile.evidence = read_evidence(in, head, columns, name);
   return tile;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <stillmap/maps/tile_evidence.hpp>
 #include <stillmap/maps/tile_steps.hpp>
 #include "package/drive_numbers.hpp"
 
@@ -36,17 +37,24 @@ struct TileContent {
   std::vector<TilePointOfObject> of_objects;
   /// One a point, or empty.
   std::vector<TilePointHistory> history;
+  TileEvidence evidence;
 };
 
 /// Bytes of a tile as maps/package.md has them.
 /// @throws std::invalid_argument for a tile without points, more than 2^32 - 1, a number that is
-/// not finite, a history of another size, or objects of points out of their order.
+/// not finite, a history of another size, objects of points or drives of the evidence out of their
+/// order.
 [[nodiscard]] std::vector<std::byte> encode_tile(const TileContent& tile);
 
 /// Whether the bytes of a tile hold histories. @throws InputError as below.
 [[nodiscard]] bool has_history(std::span<const std::byte> tile, const std::string& name);
 
-/// @param name  of the tile, for messages. @param with_history  whether that is wanted, too.
+/// Of a tile. @throws InputError as below.
+[[nodiscard]] TileEvidence decode_evidence(std::span<const std::byte> tile,
+                                           const std::string& name);
+
+/// @param name  of the tile, for messages. @param with_history  whether histories and evidence are
+/// wanted, too.
 /// @throws InputError for bytes that are no tile: nothing in them is trusted.
 [[nodiscard]] TileContent decode_tile(std::span<const std::byte> bytes, const std::string& name,
                                       bool with_history = true);

@@ -20,7 +20,10 @@ Json json_of(const maps::DifferenceCounts& counts) {
   constexpr std::array kNames = {"measured", "ground", "projected", "filled"};
   Json kinds;
   for (std::size_t kind = 0; kind < kNames.size(); ++kind) kinds[kNames[kind]] = counts.kinds[kind];
-  return {{"points", counts.points}, {"kinds", kinds}, {"area_m2", counts.area_m2}};
+  return {{"points", counts.points},
+          {"kinds", kinds},
+          {"area_m2", counts.area_m2},
+          {"seen_free", counts.seen_free}};
 }
 
 Json json_of(const ComparedVersions& pair, const maps::DifferenceTile* tile) {

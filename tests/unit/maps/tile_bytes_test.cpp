@@ -41,6 +41,11 @@ TileContent some_tile(std::size_t points, std::uint32_t scans = 40) {
     history.planarity = static_cast<std::uint8_t>(byte(random));
     tile.history.push_back(history);
   }
+  tile.evidence.base_m = -2;
+  tile.evidence.drives = {{.drive = 1}, {.drive = 4}};
+  for (std::size_t cube = 0; cube < TileEvidence::kCubes; cube += 3)
+    tile.evidence.drives[0].free.set(cube);
+  tile.evidence.drives[1].hit.set(3199);
   tile.points[1].z = 120.0F;
   tile.points[2].z = -0.7F;
   tile.history[3].normal = {};
@@ -87,6 +92,13 @@ TEST(TileBytes, HoldWhatIsInStepsToTheBit) {
     EXPECT_EQ(once.of_objects[i].point, tile.of_objects[i].point);
     EXPECT_EQ(once.of_objects[i].object, tile.of_objects[i].object);
   }
+  EXPECT_EQ(once.evidence.base_m, -2);
+  ASSERT_EQ(once.evidence.drives.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(once.evidence.drives[i].drive, tile.evidence.drives[i].drive);
+    EXPECT_EQ(once.evidence.drives[i].free, tile.evidence.drives[i].free);
+    EXPECT_EQ(once.evidence.drives[i].hit, tile.evidence.drives[i].hit);
+  }
   EXPECT_EQ(encode_tile(once), encode_tile(tile));
 }
 
@@ -94,6 +106,7 @@ TEST(TileBytes, TakeAtMostTwentyAPoint) {
   const std::size_t points = 20'000;
   TileContent tile = some_tile(points);
   std::erase_if(tile.of_objects, [](const auto& each) { return each.point % 50 != 0; });
+  tile.evidence = {};
   EXPECT_LT(static_cast<double>(encode_tile(tile).size()) / points, 20.0);
 }
 
@@ -180,6 +193,8 @@ TEST(TileBytes, AreNotMadeOfWhatCannotBeATile) {
   };
   EXPECT_THROW(encode([](TileContent& tile) { tile.points.clear(); }), std::invalid_argument);
   EXPECT_THROW(encode([](TileContent& tile) { tile.history.pop_back(); }), std::invalid_argument);
+  EXPECT_THROW(encode([](TileContent& tile) { tile.evidence.drives.push_back({.drive = 4}); }),
+               std::invalid_argument);
   EXPECT_THROW(encode([](TileContent& tile) {
                  tile.of_objects = {{5, {}}};
                }),

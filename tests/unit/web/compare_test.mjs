@@ -37,9 +37,11 @@ test('tiles without a changed square are no place', () => {
 });
 
 test('a side is told by points, area and kinds', () => {
-  assert.equal(sideWords({ points: 1234, area_m2: 87.4, kinds: { measured: 1000, ground: 234, filled: 0 } }),
-    '1,234 points on 87 m²: 1,000 measured, 234 ground');
-  assert.equal(sideWords({ points: 0, area_m2: 0, kinds: {} }), 'nothing');
+  const side = { points: 1234, area_m2: 87.4, kinds: { measured: 1000, ground: 234, filled: 0 }, seen_free: 0 };
+  assert.equal(sideWords(side), '1,234 points on 87 m²: 1,000 measured, 234 ground');
+  assert.equal(sideWords({ ...side, seen_free: 900 }),
+    '1,234 points on 87 m²: 1,000 measured, 234 ground; 900 where the other map saw free space');
+  assert.equal(sideWords({ points: 0, area_m2: 0, kinds: {}, seen_free: 0 }), 'nothing');
 });
 
 test('what is written into the address is read again; nonsense keeps the defaults', () => {

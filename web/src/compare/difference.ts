@@ -94,7 +94,8 @@ function placeOf(tiles: readonly DifferenceTile[]): Place {
 
 const kKindWords = { measured: 'measured', ground: 'ground', projected: 'projected', filled: 'filled' } as const;
 
-/** `1,234 points on 87 m²: 1,000 measured, 234 ground`; kinds without points are left out. */
+/** `1,234 points on 87 m²: 1,000 measured, 234 ground; 900 where the other map saw free space`; what has no points is
+ * left out. */
 export function sideWords(side: Side): string {
   const count = (value: number): string => value.toLocaleString('en');
   if (side.points === 0) return 'nothing';
@@ -102,5 +103,6 @@ export function sideWords(side: Side): string {
     const points = side.kinds[kind as keyof typeof kKindWords] ?? 0;
     return points === 0 ? [] : [`${count(points)} ${word}`];
   });
-  return `${count(side.points)} points on ${count(Math.round(side.area_m2))} m²: ${kinds.join(', ')}`;
+  const free = side.seen_free === 0 ? '' : `; ${count(side.seen_free)} where the other map saw free space`;
+  return `${count(side.points)} points on ${count(Math.round(side.area_m2))} m²: ${kinds.join(', ')}${free}`;
 }

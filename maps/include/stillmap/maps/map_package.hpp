@@ -7,6 +7,7 @@
 #include <stillmap/maps/partial_folder.hpp>
 #include <stillmap/maps/point_fates.hpp>
 #include <stillmap/maps/region.hpp>
+#include <stillmap/maps/tile_evidence.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
 #include <Eigen/Core>
@@ -140,7 +141,9 @@ class MapPackageWriter {
                 std::span<const PointHistory> history = {});
   /// The same of points that count from a corner near them, so that they are exact far from the
   /// origin, too.
-  void add_tile(TileId id, const MapTile& tile, std::span<const PointHistory> history = {});
+  /// @param evidence  of schema 2 only.
+  void add_tile(TileId id, const MapTile& tile, std::span<const PointHistory> history = {},
+                const TileEvidence& evidence = {});
   /// Once, before tiles, fates and objects. Scans and objects are numbered over all drives here,
   /// those of the first drive first. Without this there is one drive.
   void set_drives(std::vector<MapManifest::DriveCounts> drives);
@@ -203,6 +206,8 @@ class MapPackage {
   [[nodiscard]] bool has_history(TileId id) const;
   /// What is known of a tile's points, in their order; empty when the package lists nothing.
   [[nodiscard]] std::vector<PointHistory> history(TileId id) const;
+  /// What the drives saw of a tile's space; empty when the package does not say.
+  [[nodiscard]] TileEvidence evidence(TileId id) const;
   /// The bytes that the checksum of a tile's file covers; empty when there is none. Valid as long
   /// as the package.
   [[nodiscard]] std::span<const std::byte> stored_tile(TileId id) const;
