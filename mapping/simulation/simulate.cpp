@@ -182,7 +182,7 @@ std::vector<std::string> SimulationOptions::violations() const {
   } else if (of > most) {
     found.push_back(fmt::format("of: found {}, expected at most {}{}", of, most,
                                 most < kMaxCityScans ? " (scenario city: 100000)" : ""));
-  } else if (const std::size_t end = of > 0 ? of : most; first > end - std::min(scans, end)) {
+  } else if (const std::size_t end = of > 0 ? of : most; scans > end || first > end - scans) {
     found.push_back(fmt::format("first: found {} with {} scans, expected a part of {} scans", first,
                                 scans, end));
   }
@@ -193,8 +193,9 @@ std::vector<std::string> SimulationOptions::violations() const {
   }
   if (scenario == "city" && (standing || carrier != "vehicle")) {
     found.push_back(
-        "carrier: found another one than a driving vehicle in scenario city, whose "
-        "traffic is around that; expected scenario town, highway or depot");
+        fmt::format("carrier: found {}{} in scenario city, expected a vehicle that drives, or "
+                    "another scenario",
+                    carrier, standing ? ", standing," : ""));
   }
   if (threads < 0 || threads > kMaxThreads) {
     found.push_back(fmt::format("threads: found {}, expected 0 to {}", threads, kMaxThreads));

@@ -189,6 +189,11 @@ def make_packages(put):
     put("manifest", "registered", json.dumps({**manifest, "registration": {
         "previous_digest": digest, "T_previous_map": POSE, "T_map_poses": POSE, "residual_m": 0.01, "residual_rad": 0.001,
         "scans_used": 3, "scans_asked": 4}}))
+    second = {**manifest, "schema": 2, "drives": [{"scans": 5, "objects": 0}],
+              "extent": {"tiles": 2, "points": 3, "area_m2": 2.5, "min": [-1, 0, 0], "max": [1, 2, 3]},
+              "files": {"regions/-1_0.node": {"bytes": 88, "sha256": digest}}}
+    del second["tiles"]
+    put("manifest", "second", json.dumps(second))
     bare = {**manifest, "tiles": [], "files": {}}
     del bare["geodetic_origin"]
     put("manifest", "bare", json.dumps(bare))
@@ -199,11 +204,13 @@ def make_packages(put):
     tile = b"".join(struct.pack("<4fHBB", 0.1 * (i % 5), 0.1 * (i // 5), 0.01 * i, 0.5, 3, i % 4, 0) for i in range(30))
     put("map_points", "plane", tile)
     # Two points, the second tall and of an object, seen by one scan; a region of one tile.
-    columns = [struct.pack("<IIiIII", 2, 1, -1, 1, 1, 1), struct.pack("<2H", 5, 65535), struct.pack("<2H", 7, 8),
+    columns = [struct.pack("<IIiIIIII", 2, 1, -1, 1, 1, 1, 1, 1), struct.pack("<2H", 5, 65535), struct.pack("<2H", 7, 8),
                struct.pack("<2H", 100, 0), struct.pack("<2e", 0.5, 0.25), struct.pack("<2H", 3, 4), bytes([0, 2]),
-               struct.pack("<I", 1), struct.pack("<i", 70000), struct.pack("<I", 1), struct.pack("<I", 9),
+               struct.pack("<I", 1), struct.pack("<i", 70000), struct.pack("<I", 1), struct.pack("<H", 0),
+               struct.pack("<I", 0), struct.pack("<I", 9),
                struct.pack("<6b", 0, 0, 127, 1, 2, 3), bytes([255, 0]), struct.pack("<I", 0), struct.pack("<I", 12),
-               struct.pack("<2H", 0, 0), struct.pack("<2H", 0, 0)]
+               struct.pack("<2H", 0, 0), struct.pack("<2H", 0, 0), struct.pack("<i", -2), struct.pack("<I", 0),
+               bytes(range(100)) * 4, bytes(400)]
     put("tile", "tall", b"\0" + b"".join(column + bytes(-len(column) % 8) for column in columns))
     put("tile", "region", b"\1smregio1" + struct.pack("<II", 1, 1) + struct.pack("<Q", 200) + bytes(32) +
         struct.pack("<BBHIQIi4H2i", 3, 4, 0, 2, 96, 104, -1, 5, 7, 65535, 8, 100, 70000) + bytes(32))

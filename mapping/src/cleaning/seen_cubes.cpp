@@ -10,14 +10,14 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr double kViewEveryM = 8.0;
-constexpr double kReachM = 25.0;
+constexpr double kCubeViewEveryM = 8.0;
+constexpr double kCubeReachM = 25.0;
 /// Nearer than this a view meets its own vehicle [m].
-constexpr double kNearestM = 2.0;
+constexpr double kCubeNearestM = 2.0;
 /// Of the ball in the middle of a cube that must be free.
-constexpr float kBallM = 0.25F;
+constexpr float kCubeBallM = 0.25F;
 
-maps::TileId tile_at(const Eigen::Vector3d& p_local) {
+maps::TileId tile_under(const Eigen::Vector3d& p_local) {
   const auto number = [](double value) {
     return static_cast<std::int32_t>(std::floor(value / maps::kTileSizeM));
   };
@@ -25,16 +25,16 @@ maps::TileId tile_at(const Eigen::Vector3d& p_local) {
 }
 
 /// Adds what a view says of each cube.
-void look(const RangeView& view, const Eigen::Isometry3d& T_local_lidar, float doubt_m,
-          const Eigen::Vector3d& corner, const maps::TileEvidence& cubes,
-          maps::TileEvidence::OfDrive& seen) {
+void look_at_cubes(const RangeView& view, const Eigen::Isometry3d& T_local_lidar, float doubt_m,
+                   const Eigen::Vector3d& corner, const maps::TileEvidence& cubes,
+                   maps::TileEvidence::OfDrive& seen) {
   const Eigen::Isometry3d T_lidar_local = T_local_lidar.inverse();
   for (std::size_t cube = 0; cube < maps::TileEvidence::kCubes; ++cube) {
     if (seen.hit[cube]) continue;
     const Eigen::Vector3d p_lidar = T_lidar_local * (corner + cubes.middle_of(cube));
     const double distance_m = p_lidar.norm();
-    if (distance_m < kNearestM || distance_m > kReachM) continue;
-    const Sight sight = view.look(p_lidar.cast<float>(), kBallM, doubt_m).sight;
+    if (distance_m < kCubeNearestM || distance_m > kCubeReachM) continue;
+    const Sight sight = view.look(p_lidar.cast<float>(), kCubeBallM, doubt_m).sight;
     if (sight == Sight::kHit) seen.hit.set(cube);
     if (sight == Sight::kFree) seen.free.set(cube);
   }
@@ -48,15 +48,15 @@ SeenCubes::SeenCubes(const PosedViews& views, std::span<const std::size_t> drive
   for (std::size_t scan = 0; scan < drive_of_scan.size(); ++scan) {
     const Eigen::Vector3d p = views.T_local_lidar[scan].translation();
     const bool begins = scan == 0 || drive_of_scan[scan] != drive_of_scan[scan - 1];
-    if (!begins && (p - *last).norm() < kViewEveryM) continue;
+    if (!begins && (p - *last).norm() < kCubeViewEveryM) continue;
     last = p;
-    by_tile_[tile_at(p)].push_back({drive_of_scan[scan], scan});
+    by_tile_[tile_under(p)].push_back({drive_of_scan[scan], scan});
   }
 }
 
 maps::TileEvidence SeenCubes::of(maps::TileId tile, std::int32_t lowest_m) const {
   constexpr int kTilesAround = 2;
-  static_assert(kReachM < kTilesAround * maps::kTileSizeM);
+  static_assert(kCubeReachM < kTilesAround * maps::kTileSizeM);
   std::vector<View> views;
   for (std::int32_t x = tile.x - kTilesAround; x <= tile.x + kTilesAround; ++x) {
     for (std::int32_t y = tile.y - kTilesAround; y <= tile.y + kTilesAround; ++y) {
@@ -70,10 +70,10 @@ maps::TileEvidence SeenCubes::of(maps::TileId tile, std::int32_t lowest_m) const
   maps::TileEvidence evidence{.base_m = lowest_m, .drives = {}};
   for (const View& each : views) {
     if (evidence.drives.empty() || evidence.drives.back().drive != each.drive)
-      evidence.drives.push_back({.drive = static_cast<std::uint32_t>(each.drive)});
-    const float doubt_m = views_.doubts.empty() ? 0.0F : views_.doubts[each.scan].at(kReachM);
-    look(*views_.read(each.scan), views_.T_local_lidar[each.scan], doubt_m, maps::corner_of(tile),
-         evidence, evidence.drives.back());
+      evidence.drives.push_back({static_cast<std::uint32_t>(each.drive), {}, {}});
+    const float doubt_m = views_.doubts.empty() ? 0.0F : views_.doubts[each.scan].at(kCubeReachM);
+    look_at_cubes(*views_.read(each.scan), views_.T_local_lidar[each.scan], doubt_m,
+                  maps::corner_of(tile), evidence, evidence.drives.back());
   }
   std::erase_if(evidence.drives,
                 [](const auto& seen) { return seen.free.none() && seen.hit.none(); });

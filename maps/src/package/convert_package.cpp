@@ -106,9 +106,10 @@ class Drives {
     std::vector<std::uint32_t> order(objects.size());
     std::iota(order.begin(), order.end(), 0U);
     // What a user added came last, whatever its drive.
-    std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-      return objects[a].drive < objects[b].drive;
-    });
+    if (!counts_.empty())
+      std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+        return objects[a].drive < objects[b].drive;
+      });
     numbers_.resize(objects.size());
     for (const std::uint32_t before : order) {
       numbers_[before] = static_cast<std::uint32_t>(objects_.size());
@@ -152,7 +153,7 @@ class Drives {
  private:
   /// @param object  index plus 1; 0 = none.
   [[nodiscard]] std::uint32_t number_of(std::uint32_t object) const {
-    if (object == 0) return 0;
+    if (object == 0 || numbers_.empty()) return object;
     if (object > numbers_.size())
       throw InputError(map_.folder().string(), fmt::format("object {}", object),
                        fmt::format("at most {}", numbers_.size()));
@@ -192,12 +193,15 @@ void write_tiles(const MapPackage& map, const Drives& drives, MapPackageWriter& 
 /// What lies in a file for each drive.
 void write_drives(const MapPackage& map, const Drives& drives, MapPackageWriter& writer,
                   PassProgress& progress) {
+  if (drives.counts().empty()) return;
   const MapManifest& manifest = map.manifest();
   if (manifest.files.contains(objects_path(0))) writer.write_objects(drives.objects());
   progress.add(bytes_of(manifest, objects_path(0)));
   if (manifest.files.contains(fates_path(0)))
-    drives.for_each_scan(
-        [&](std::size_t drive, std::size_t scan) { writer.add_fates(drives.fates(drive, scan)); });
+    drives.for_each_scan([&](std::size_t drive, std::size_t scan) {
+      writer.add_fates(drives.fates(drive, scan));
+      progress.add(0);
+    });
   progress.add(bytes_of(manifest, fates_path(0)));
   const std::vector<PoseDisagreement> of_pose = read_pose_disagreements(map);
   std::size_t first = 0;
@@ -209,9 +213,10 @@ void write_drives(const MapPackage& map, const Drives& drives, MapPackageWriter&
   progress.add(bytes_of(manifest, disagreement_path(0)));
 }
 
-/// Paths of what is written anew.
-std::set<std::string> rewritten_paths(const MapManifest& manifest) {
-  std::set<std::string> paths{objects_path(0), fates_path(0), disagreement_path(0)};
+/// Paths of what is written anew. Without drives nothing is by drive.
+std::set<std::string> rewritten_paths(const MapManifest& manifest, const Drives& drives) {
+  std::set<std::string> paths;
+  if (!drives.counts().empty()) paths = {objects_path(0), fates_path(0), disagreement_path(0)};
   for (const TileEntry& entry : manifest.tiles) {
     paths.insert(tile_path(entry.id));
     paths.insert(history_path(entry.id));
@@ -219,8 +224,9 @@ std::set<std::string> rewritten_paths(const MapManifest& manifest) {
   return paths;
 }
 
-void copy_other_files(const MapPackage& map, const fs::path& folder, PassProgress& progress) {
-  const std::set<std::string> rewritten = rewritten_paths(map.manifest());
+void copy_other_files(const MapPackage& map, const Drives& drives, const fs::path& folder,
+                      PassProgress& progress) {
+  const std::set<std::string> rewritten = rewritten_paths(map.manifest(), drives);
   for (const auto& [path, listed] : map.manifest().files) {
     if (rewritten.contains(path)) continue;
     std::error_code error;
@@ -282,15 +288,16 @@ void require_same(const MapPackage& before, const Drives& drives, const MapPacka
     progress.add(listed_bytes(before.manifest(), entry.id));
   }
   const auto refuse = [&](const std::string& path) {
-    throw StorageError((after.folder() / path).string(), "copied to other content");
+    throw StorageError((after.folder() / path).string(), "reads back otherwise");
   };
   if (objects_text(after.objects()) != objects_text(drives.objects())) refuse(objects_path(0));
   progress.add(bytes_of(before.manifest(), objects_path(0)));
   drives.for_each_scan([&](std::size_t drive, std::size_t scan) {
     if (after.fates(scan) != drives.fates(drive, scan)) refuse(fates_path(drive));
+    progress.add(0);
   });
   progress.add(bytes_of(before.manifest(), fates_path(0)));
-  const std::set<std::string> rewritten = rewritten_paths(before.manifest());
+  const std::set<std::string> rewritten = rewritten_paths(before.manifest(), drives);
   for (const auto& [path, file] : after.manifest().files) {
     const auto listed = before.manifest().files.find(path);
     if (listed == before.manifest().files.end() || rewritten.contains(path)) continue;
@@ -320,7 +327,7 @@ std::string convert_package(const MapPackage& map, const fs::path& target,
     writer.set_drives(drives.counts());
     write_tiles(map, drives, writer, progress);
     write_drives(map, drives, writer, progress);
-    copy_other_files(map, writer.folder(), progress);
+    copy_other_files(map, drives, writer.folder(), progress);
     digest = writer.publish(map.manifest(), build_text(map.folder()));
   }
   progress.begin(2);

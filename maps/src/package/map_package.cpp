@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <cstring>
 #include <iterator>
+#include <limits>
 #include <set>
 #include <stdexcept>
 #include <utility>
@@ -89,6 +90,25 @@ MapTile tile_of(TileId id, const Eigen::Vector3d& origin, std::vector<MapPoint> 
   return {origin, corner, std::move(points)};
 }
 
+/// @throws InputError if the tiles hold together something else than the manifest says.
+void require_extent(const std::vector<TileEntry>& tiles, const MapExtent& told,
+                    const fs::path& file) {
+  MapExtent found;
+  for (const TileEntry& tile : tiles) found.add(tile);
+  const auto text = [](const MapExtent& extent) {
+    return fmt::format("an extent of {} tiles, {} points, {:.3f} m2, x {:.3f} to {:.3f} m",
+                       extent.tiles, extent.points, extent.area_m2, extent.from_origin.min().x(),
+                       extent.from_origin.max().x());
+  };
+  constexpr double kRounding = 1e-9;
+  const bool same = found.tiles == told.tiles && found.points == told.points &&
+                    std::abs(found.area_m2 - told.area_m2) <= kRounding * found.area_m2 &&
+                    (found.tiles == 0 || found.from_origin.isApprox(told.from_origin, kRounding));
+  if (!same)
+    throw InputError(file.string(), text(told),
+                     text(found) + " as in the regions: copy or build the map again");
+}
+
 /// A number over all drives. @throws InputError for one that no drive has.
 template <typename OverAll>
 std::uint32_t number_of(DriveNumber what, const std::string& name, const OverAll& over_all) {
@@ -113,6 +133,14 @@ void for_each_of_objects(const TileContent& tile, const DriveNumbers& numbers,
   for (const auto& [point, object] : tile.of_objects)
     take(point, number_of(object, name,
                           [&](DriveNumber number) { return numbers.object_over_all(number); }));
+}
+
+void require_scans_below(const MapObject& object, std::size_t scans, const std::string& file) {
+  std::size_t most = std::max(object.first_scan, object.last_scan);
+  for (const MapObject::Placement& each : object.placements) most = std::max(most, each.scan);
+  if (most >= scans)
+    throw InputError(file, fmt::format("scan {} of an object", most),
+                     fmt::format("below {}: copy or build the map again", scans));
 }
 
 }  // namespace
@@ -159,11 +187,11 @@ void MapExtent::add(const TileEntry& tile) {
 std::vector<TileEntry> MapPackage::tiles() const {
   if (!packs_) return manifest_.tiles;
   std::vector<TileEntry> all;
-  all.reserve(manifest_.extent.tiles);
   for (const RegionId region : packs_->regions())
     for (const TileEntry& tile : packs_->tiles(region)) all.push_back(tile);
   std::sort(all.begin(), all.end(),
             [](const TileEntry& a, const TileEntry& b) { return a.id < b.id; });
+  require_extent(all, manifest_.extent, folder_ / kManifestName);
   return all;
 }
 
@@ -186,6 +214,13 @@ std::vector<TileEntry> MapPackage::tiles(RegionId region) const {
 
 bool MapPackage::has_tile(TileId id) const {
   return packs_ ? packs_->find(id) != nullptr : tiles_.contains(id);
+}
+
+std::optional<TileEntry> MapPackage::entry(TileId id) const {
+  if (packs_) return packs_->entry(id);
+  const auto found = std::find_if(manifest_.tiles.begin(), manifest_.tiles.end(),
+                                  [&](const TileEntry& tile) { return tile.id == id; });
+  return found == manifest_.tiles.end() ? std::nullopt : std::optional(*found);
 }
 
 bool MapPackage::has_history(TileId id) const {
@@ -244,6 +279,7 @@ TileEvidence MapPackage::evidence(TileId id) const {
 }
 
 MapPackage::StoredName MapPackage::stored_name(TileId id) const {
+  if (!has_tile(id)) throw std::invalid_argument(tile_path(id) + ": no tile of the package");
   if (packs_) return {hex_of(packs_->find(id)->sha256), packs_->name_of(id)};
   const std::string path = tile_path(id);
   return {manifest_.files.at(path).sha256, (folder_ / path).string()};
@@ -263,7 +299,8 @@ std::vector<Trajectory> MapPackage::trajectories() const {
 }
 
 ScanFates MapPackage::fates(std::size_t scan) const {
-  DriveNumber of_drive{0, static_cast<std::uint32_t>(scan)};
+  constexpr std::size_t kMostScans = std::numeric_limits<std::uint32_t>::max();
+  DriveNumber of_drive{0, static_cast<std::uint32_t>(std::min(scan, kMostScans))};
   if (numbers_) {
     try {
       of_drive = numbers_->scan(of_drive.number);
@@ -276,7 +313,7 @@ ScanFates MapPackage::fates(std::size_t scan) const {
   ScanFates fates = read_fates(folder_ / path, of_drive.number);
   for (std::uint32_t& object : fates.objects) {
     if (!numbers_ || object == 0) continue;
-    object = 1 + number_of({of_drive.drive, object - 1}, path,
+    object = 1 + number_of({of_drive.drive, object - 1}, (folder_ / path).string(),
                            [&](DriveNumber number) { return numbers_->object_over_all(number); });
   }
   return fates;
@@ -299,6 +336,7 @@ std::vector<MapObject> MapPackage::objects() const {
                        fmt::format("{} as in manifest.json: copy or build the map again",
                                    manifest_.drives[drive].objects));
     for (MapObject& object : own) {
+      require_scans_below(object, manifest_.drives[drive].scans, (folder_ / path).string());
       count_over_all(object, drive, scans);
       all.push_back(std::move(object));
     }

@@ -41,13 +41,20 @@ TileEntry entry_of(TileId id, std::span<const MapPoint> points) {
   return entry;
 }
 
-/// @throws std::invalid_argument for a number of no drive.
-template <typename OfDrive>
-DriveNumber number_of(std::uint32_t over_all, const char* what, const OfDrive& of_drive) {
+/// @throws std::invalid_argument for one of no drive.
+DriveNumber scan_of(std::uint32_t over_all, const DriveNumbers& numbers) {
   try {
-    return of_drive(over_all);
+    return numbers.scan(over_all);
   } catch (const std::out_of_range&) {
-    throw std::invalid_argument(fmt::format("{} {} of no drive", what, over_all));
+    throw std::invalid_argument(fmt::format("scan {} of no drive", over_all));
+  }
+}
+
+DriveNumber object_of(std::uint32_t over_all, const DriveNumbers& numbers) {
+  try {
+    return numbers.object(over_all);
+  } catch (const std::out_of_range&) {
+    throw std::invalid_argument(fmt::format("object {} of no drive", over_all));
   }
 }
 
@@ -117,26 +124,18 @@ void MapPackageWriter::add_tile(TileId id, const MapTile& tile,
   const Eigen::Vector3d corner = corner_of(id) + content.z_base_m * Eigen::Vector3d::UnitZ();
   for (const MapPoint& point : tile)
     content.points.push_back(moved_to(point, tile.from_origin(point) - corner));
-  const auto scan_of = [&](std::uint32_t scan) {
-    return number_of(scan, "scan", [&](std::uint32_t number) { return numbers_->scan(number); });
-  };
   for (const PointHistory& each : history)
-    content.history.push_back({scan_of(each.first_scan),
-                               scan_of(each.last_scan),
+    content.history.push_back({scan_of(each.first_scan, *numbers_),
+                               scan_of(each.last_scan, *numbers_),
                                {each.normal[0], each.normal[1], each.normal[2]},
                                each.planarity});
   for (std::uint32_t i = 0; i < content.points.size(); ++i) {
     // Without histories the short number is all that is known.
     const std::uint32_t object = history.empty() ? content.points[i].object : history[i].object;
-    if (object > 0) content.of_objects.push_back({i, object_of(object - 1)});
+    if (object > 0) content.of_objects.push_back({i, object_of(object - 1, *numbers_)});
   }
   content.evidence = evidence;
   packs_->add(id, content);
-}
-
-DriveNumber MapPackageWriter::object_of(std::uint32_t over_all) const {
-  return number_of(over_all, "object",
-                   [&](std::uint32_t number) { return numbers_->object(number); });
 }
 
 void MapPackageWriter::set_drives(std::vector<MapManifest::DriveCounts> drives) {
@@ -148,8 +147,7 @@ void MapPackageWriter::add_fates(const ScanFates& fates) {
     if (!fates_) fates_ = std::make_unique<FatesWriter>(folder_.path() / fates_path(0));
     return fates_->add(fates);
   }
-  const DriveNumber scan = number_of(fates_scans_++, "scan",
-                                     [&](std::uint32_t number) { return numbers_->scan(number); });
+  const DriveNumber scan = scan_of(fates_scans_++, *numbers_);
   if (!fates_ || scan.drive != fates_drive_) {
     if (fates_) fates_->finish();
     fates_drive_ = scan.drive;
@@ -158,7 +156,7 @@ void MapPackageWriter::add_fates(const ScanFates& fates) {
   ScanFates own = fates;
   for (std::uint32_t& object : own.objects) {
     if (object == 0) continue;
-    const DriveNumber of_drive = object_of(object - 1);
+    const DriveNumber of_drive = object_of(object - 1, *numbers_);
     if (of_drive.drive != scan.drive)
       throw std::invalid_argument(
           fmt::format("an object of drive {} in a scan of drive {}", of_drive.drive, scan.drive));
@@ -191,6 +189,7 @@ void MapPackageWriter::write_objects(const std::vector<MapObject>& objects) {
   }
   if (at != objects.end())
     throw std::invalid_argument(fmt::format("an object of drive {} out of its order", at->drive));
+  has_objects_ = true;
 }
 
 void MapPackageWriter::write_places(const std::vector<Eigen::Isometry3d>& T_map_place) {
@@ -208,6 +207,11 @@ void MapPackageWriter::write_places(const std::vector<Eigen::Isometry3d>& T_map_
 
 std::string MapPackageWriter::publish(MapManifest manifest, const std::string& build_json) {
   if (fates_) std::exchange(fates_, nullptr)->finish();
+  const std::vector<MapManifest::DriveCounts>& drives = numbers_->drives();
+  const bool needs_objects = std::any_of(drives.begin(), drives.end(),
+                                         [](const auto& drive) { return drive.objects > 0; });
+  if (schema_ > 1 && needs_objects && !has_objects_)
+    throw std::invalid_argument("objects that set_drives told of were not written");
   manifest.schema = schema_;
   manifest.drives = numbers_->drives();
   if (packs_) tiles_ = packs_->finish();

@@ -16,6 +16,8 @@ namespace {
 using nlohmann::json;
 
 constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 50U;
+/// As far as tiles of 32 bits go [m].
+constexpr double kFarthestM = 4.3e10;
 constexpr double kMaxFloat = std::numeric_limits<float>::max();
 
 json to_json(const TileEntry& tile) {
@@ -71,9 +73,13 @@ MapExtent extent_from(const JsonField& field) {
   MapExtent extent;
   extent.tiles = field.at("tiles").count();
   extent.points = field.at("points").count();
+  if (extent.points > kMaxBytes / sizeof(MapPoint)) field.at("points").refuse("fewer points");
   extent.area_m2 = field.at("area_m2").number(0.0, std::numeric_limits<double>::max());
   if (extent.tiles == 0) return extent;
   extent.from_origin = {field.at("min").vector3(), field.at("max").vector3()};
+  for (const char* corner : {"min", "max"})
+    if (!(field.at(corner).vector3().cwiseAbs().maxCoeff() <= kFarthestM))
+      field.at(corner).refuse("coordinates of tiles");
   if (extent.from_origin.isEmpty()) field.at("max").refuse("not below min");
   return extent;
 }

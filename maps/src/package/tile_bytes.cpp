@@ -320,7 +320,7 @@ void for_each_listed(const TileReader& in, std::uint64_t column, std::uint32_t r
   }
 }
 
-/// Where a table of scans or objects lies, and how wide its rows are told.
+/// Where a table of scans or objects lies, and whether the numbers of its rows have 32 bits.
 struct NamedTable {
   std::uint64_t drives = 0, numbers = 0;
   std::uint32_t rows = 0;

@@ -79,7 +79,7 @@ std::optional<RegionId> region_of_path(const std::string& path) {
   if (std::sscanf(path.c_str(), pattern.c_str(), &region.x, &region.y, &end) != 2 || end == 0)
     return std::nullopt;
   // Spelled in the one way.
-  return region_path(region) == path ? std::optional(region) : std::nullopt;
+  return region_path(region) == path && has_tiles(region) ? std::optional(region) : std::nullopt;
 }
 
 std::string hex_of(const Sha256Bytes& digest) {
@@ -185,6 +185,9 @@ PackReader::PackReader(const std::filesystem::path& folder,
       regions_.try_emplace(*region, folder_ / path);
     else if (path.starts_with(std::string(kPacksFolder) + "/"))
       packs_.try_emplace(path, folder_ / path);
+    else if (path.starts_with(std::string(kRegionsFolder) + "/"))
+      throw InputError((folder_ / path).string(), "a node of no region",
+                       "regions/X_Y.node: copy or build the map again");
   }
 }
 
@@ -194,57 +197,65 @@ std::vector<RegionId> PackReader::regions() const {
   return all;
 }
 
-RegionNode PackReader::node_of(RegionId id) const {
+const PackReader::Region& PackReader::region(RegionId id) const {
+  static const Region kNone;
   const auto found = regions_.find(id);
-  if (found == regions_.end()) return {};
+  if (found == regions_.end()) return kNone;
   Region& region = found->second;
   std::call_once(region.once, [&] {
     const std::string name = (folder_ / region_path(id)).string();
-    const RegionNode node = decode_region(region.file.bytes(), name);
+    const RegionNode node = decode_region(region.file->bytes(), name);
+    region.packs.clear();
     for (const Pack& pack : node.packs) {
       const auto listed = packs_.find(pack_path(pack));
       const std::size_t bytes = listed == packs_.end() ? 0 : listed->second.bytes().size();
       if (listed == packs_.end() || bytes != pack.bytes)
         throw InputError(name, fmt::format("{} bytes in {}", pack.bytes, pack_path(pack)),
                          fmt::format("{} as in manifest.json: copy or build the map again", bytes));
+      region.packs.push_back(&*listed);
     }
     region.node = node;
   });
-  return region.node;
+  return region;
 }
 
-std::vector<TileEntry> PackReader::tiles(RegionId region) const {
+std::vector<TileEntry> PackReader::tiles(RegionId id) const {
   std::vector<TileEntry> tiles;
-  for (const RegionTile& tile : node_of(region).tiles) tiles.push_back(entry_of(region, tile));
+  for (const RegionTile& tile : region(id).node.tiles) tiles.push_back(entry_of(id, tile));
   return tiles;
 }
 
 const RegionTile* PackReader::find(TileId id) const {
   if (id.level != 0) return nullptr;
-  const RegionId region = region_of(id);
+  const RegionId of_tile = region_of(id);
   const auto place = [](int x, int y) { return kRegionTiles * x + y; };
-  const int wanted = place(id.x - kRegionTiles * region.x, id.y - kRegionTiles * region.y);
-  const std::span<const RegionTile> tiles = node_of(region).tiles;
+  const int wanted = place(id.x - kRegionTiles * of_tile.x, id.y - kRegionTiles * of_tile.y);
+  const std::span<const RegionTile> tiles = region(of_tile).node.tiles;
   const auto at = std::lower_bound(
       tiles.begin(), tiles.end(), wanted,
       [&](const RegionTile& tile, int sought) { return place(tile.x, tile.y) < sought; });
   return at == tiles.end() || place(at->x, at->y) != wanted ? nullptr : &*at;
 }
 
-std::string PackReader::path_of(TileId id, const RegionTile& tile) const {
-  return pack_path(node_of(region_of(id)).packs[tile.pack]);
+const PackReader::NamedPack& PackReader::pack_of(TileId id, const RegionTile& tile) const {
+  return *region(region_of(id)).packs[tile.pack];
+}
+
+std::optional<TileEntry> PackReader::entry(TileId id) const {
+  const RegionTile* const tile = find(id);
+  return tile == nullptr ? std::nullopt : std::optional(entry_of(region_of(id), *tile));
 }
 
 std::span<const std::byte> PackReader::bytes(TileId id) const {
   const RegionTile* const tile = find(id);
   if (tile == nullptr) return {};
-  return packs_.at(path_of(id, *tile)).bytes().subspan(tile->offset, tile->bytes);
+  return pack_of(id, *tile).second.bytes().subspan(tile->offset, tile->bytes);
 }
 
 std::string PackReader::name_of(TileId id) const {
   const RegionTile* const tile = find(id);
   if (tile == nullptr) throw std::out_of_range(tile_name(id));
-  return (folder_ / path_of(id, *tile)).string() + ", " + tile_name(id);
+  return (folder_ / pack_of(id, *tile).first).string() + ", " + tile_name(id);
 }
 
 }  // namespace stillmap::maps

@@ -11,6 +11,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "package/region_node.hpp"
@@ -55,31 +56,38 @@ class PackWriter {
 /// several threads.
 class PackReader {
  public:
-  /// @param files  of the package: nodes and packs among them are opened. @throws StorageError.
+  /// @param files  of the package: nodes and packs among them are opened. @throws InputError for a
+  /// node whose name is none, StorageError.
   PackReader(const std::filesystem::path& folder,
              const std::map<std::string, MapManifest::File>& files);
 
   /// By x, then y.
   [[nodiscard]] std::vector<RegionId> regions() const;
   /// By x, then y; none for a region that the package does not list.
-  [[nodiscard]] std::vector<TileEntry> tiles(RegionId region) const;
+  [[nodiscard]] std::vector<TileEntry> tiles(RegionId id) const;
   /// Null when there is no such tile.
   [[nodiscard]] const RegionTile* find(TileId id) const;
+  [[nodiscard]] std::optional<TileEntry> entry(TileId id) const;
   /// As they lie in the pack; empty when there is no such tile. Valid as long as this.
   [[nodiscard]] std::span<const std::byte> bytes(TileId id) const;
   /// Name of a tile with its pack, for messages. @throws std::out_of_range for one that is none.
   [[nodiscard]] std::string name_of(TileId id) const;
 
  private:
+  /// Path in the package, and the bytes.
+  using NamedPack = std::pair<const std::string, MappedFile>;
   struct Region {
+    Region() = default;
     explicit Region(const std::filesystem::path& path) : file(path) {}
-    MappedFile file;
+    std::optional<MappedFile> file;
     std::once_flag once;
-    /// As it lies in the file, when it was read.
+    /// As it lies in the file, when it was read; its packs.
     RegionNode node;
+    std::vector<const NamedPack*> packs;
   };
-  [[nodiscard]] RegionNode node_of(RegionId region) const;
-  [[nodiscard]] std::string path_of(TileId id, const RegionTile& tile) const;
+  /// Of a region that the package does not list: without tiles.
+  [[nodiscard]] const Region& region(RegionId id) const;
+  [[nodiscard]] const NamedPack& pack_of(TileId id, const RegionTile& tile) const;
 
   std::filesystem::path folder_;
   mutable std::map<RegionId, Region> regions_;

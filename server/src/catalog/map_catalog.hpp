@@ -30,10 +30,11 @@ enum class MapState : std::uint8_t {
   kFailed,
 };
 
-/// `localization::seen_from`, read when somebody asks first. Safe from several threads.
+/// `localization::seen_from`, read when somebody asks first: loading a map does not wait for its
+/// trajectories. Safe from several threads.
 class SeenFrom {
  public:
-  /// @throws maps::InputError.
+  /// @throws maps::InputError, maps::StorageError: the package may have been removed meanwhile.
   [[nodiscard]] const std::vector<Eigen::Isometry3d>& poses(const maps::MapPackage& map) {
     std::call_once(once_, [&] { T_map_lidar_ = localization::seen_from(map); });
     return T_map_lidar_;
@@ -44,8 +45,8 @@ class SeenFrom {
   std::vector<Eigen::Isometry3d> T_map_lidar_;
 };
 
-/// One version of a map as requests see it. Stays usable while it is held, whatever becomes of the
-/// version meanwhile.
+/// One version of a map as requests see it. Its tiles stay usable while it is held, whatever
+/// becomes of the version meanwhile.
 struct ServedVersion {
   std::string map;
   std::string version;
@@ -61,7 +62,7 @@ struct ServedVersion {
   localization::LocalizationOptions localization{};
   /// Filled when ready. Last: they use the package.
   std::shared_ptr<const Aligners> aligners{};
-  /// Where the map was seen from.
+  /// When ready.
   std::shared_ptr<SeenFrom> seen_from{};
 
   /// Names what it holds, as no other content and no other copy of it does.

@@ -1,7 +1,5 @@
 #include "catalog/tile_list.hpp"
 
-#include <algorithm>
-
 namespace stillmap::server {
 namespace {
 
@@ -12,22 +10,24 @@ bool touches(const Eigen::AlignedBox2d& area, const maps::TileEntry& tile) {
 
 }  // namespace
 
-TilePage list_tiles(const std::vector<maps::TileEntry>& tiles,
-                    const std::optional<Eigen::AlignedBox2d>& area, std::size_t limit,
-                    std::optional<std::int64_t> before) {
+TilePage list_tiles(const maps::MapPackage& map, const std::optional<Eigen::AlignedBox2d>& area,
+                    std::size_t limit, std::optional<std::int64_t> before) {
   TilePage page;
-  std::size_t at = tiles.size();
-  if (before) at = std::min(at, static_cast<std::size_t>(std::max<std::int64_t>(*before, 1) - 1));
-  std::size_t last = 0;
-  while (at > 0) {
-    const maps::TileEntry& tile = tiles[--at];
-    if (area && !touches(*area, tile)) continue;
-    if (page.tiles.size() == limit) {
-      page.next = static_cast<std::int64_t>(last);
-      break;
+  const std::vector<maps::RegionId> regions = map.regions();
+  // The number of the tile that comes next, if it is there.
+  auto number = static_cast<std::int64_t>(map.manifest().extent.tiles);
+  std::int64_t last = 0;
+  for (auto region = regions.rbegin(); region != regions.rend(); ++region) {
+    const std::vector<maps::TileEntry> tiles = map.tiles(*region);
+    for (auto tile = tiles.rbegin(); tile != tiles.rend(); ++tile, --number) {
+      if ((before && number >= *before) || (area && !touches(*area, *tile))) continue;
+      if (page.tiles.size() == limit) {
+        page.next = last;
+        return page;
+      }
+      page.tiles.push_back(*tile);
+      last = number;
     }
-    page.tiles.push_back(tile);
-    last = at + 1;
   }
   return page;
 }

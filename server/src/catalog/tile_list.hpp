@@ -11,7 +11,7 @@
 
 namespace stillmap::server {
 
-/// Some of the tiles of a package, which are numbered from 1 in the order of its manifest.
+/// Some of the tiles of a package, which are numbered from 1: by region, and in it by x, then y.
 struct TilePage {
   /// The highest number first.
   std::vector<maps::TileEntry> tiles;
@@ -21,7 +21,7 @@ struct TilePage {
 
 /// @param area    x, y relative to the map's origin [m]: tiles whose bounds touch it; all without.
 /// @param before  tiles with lower numbers; all without.
-[[nodiscard]] TilePage list_tiles(const std::vector<maps::TileEntry>& tiles,
+[[nodiscard]] TilePage list_tiles(const maps::MapPackage& map,
                                   const std::optional<Eigen::AlignedBox2d>& area, std::size_t limit,
                                   std::optional<std::int64_t> before);
 

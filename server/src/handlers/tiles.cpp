@@ -130,8 +130,7 @@ HttpResponse answer_tile_list(const Context& context, const HttpRequest& request
   const PageQuery page = read_page(values);
   const std::optional<Eigen::AlignedBox2d> area = read_area(values);
   const ServedVersion map = find_version(context.catalog, path);
-  return json_response(
-      tile_list_json(list_tiles(map.package->tiles(), area, page.limit, page.before)));
+  return json_response(tile_list_json(list_tiles(*map.package, area, page.limit, page.before)));
 }
 
 }  // namespace

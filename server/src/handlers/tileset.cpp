@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -56,10 +57,8 @@ HttpResponse get_cut(const Context& context, const HttpRequest& request,
 /// Level 0 as it lies in the package.
 HttpResponse own_tile(const Context& context, const ServedVersion& map, const HttpRequest& request,
                       maps::TileId id) {
-  const auto tiles = map.package->tiles(maps::region_of(id));
-  const auto tile =
-      std::find_if(tiles.begin(), tiles.end(), [&](const auto& each) { return each.id == id; });
-  if (tile == tiles.end()) refuse(map, request);
+  const std::optional<maps::TileEntry> tile = map.package->entry(id);
+  if (!tile) refuse(map, request);
   return immutable_answer(request, tile_etag(map, kGlbForm, id), [&](HttpResponse& response) {
     fill_with_glb(response, *tile, context.views.own_tile(map, id));
   });

@@ -5,7 +5,9 @@
 
 #include <fmt/format.h>
 
+#include <map>
 #include <set>
+#include <string_view>
 #include <vector>
 
 #include <stillmap/maps/package_files.hpp>
@@ -87,11 +89,14 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
                              "reads back other than it was written");
 
   std::set<std::string> kept = {manifest_path};
+  std::map<std::string_view, std::uint64_t> of_kind;
   for (const auto& [path, listed] : manifest.files) {
     check_listed(path, listed, root, found, name);
-    const bool is_text = path == maps::kGraphName || path.starts_with("objects") ||
-                         path.starts_with("disagreement") || path.starts_with("trajectory");
-    if (is_text) check_size(fmt::format("{}: {}", name, path), listed.bytes);
+    if (path == maps::kGraphName) check_size(fmt::format("{}: {}", name, path), listed.bytes);
+    // Those of all drives are read together.
+    for (const char* kind : {"objects", "disagreement", "trajectory"})
+      if (path.starts_with(kind))
+        check_size(fmt::format("{}: {}", name, path), of_kind[kind] += listed.bytes);
     kept.insert(root + path);
     package.bytes += listed.bytes;
   }

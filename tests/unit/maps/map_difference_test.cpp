@@ -84,7 +84,7 @@ TEST_F(Difference, TellsWhatIsGoneFromWhatWasNotSeen) {
     return MapPoint{x - 20.0F, 20.5F, -2.5F, 0.0F, 1, PointKind::kMeasured, 0};
   };
   const MapPoint high{0.5F, 20.5F, 1.5F, 0.0F, 1, PointKind::kMeasured, 0};
-  TileEvidence evidence{.base_m = -3, .drives = {{.drive = 0}, {.drive = 2}}};
+  TileEvidence evidence{.base_m = -3, .drives = {{0, {}, {}}, {2, {}, {}}}};
   for (int x = 0; x < 10; ++x) evidence.drives[0].free.set(*evidence.cube_of({x + 0.5, 0.5, -2.5}));
   evidence.drives[1].hit.set(*evidence.cube_of({2.5, 0.5, -2.5}));
   MapPackageWriter writer(folder_.path() / "seen");

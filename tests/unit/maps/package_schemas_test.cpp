@@ -20,10 +20,10 @@ namespace fs = std::filesystem;
 using test::ThrowsSaying;
 using ::testing::ElementsAre;
 
-/// Tiles on both sides of the origin and within 500 m of it, where floats of schema 1 are exact, in
-/// steps, with histories of two drives.
 using Drives = std::vector<MapManifest::DriveCounts>;
 
+/// Tiles on both sides of the origin and within 500 m of it, where floats of schema 1 are exact, in
+/// steps, with histories of two drives.
 struct World {
   std::map<TileId, std::vector<MapPoint>> tiles;
   std::map<TileId, std::vector<PointHistory>> histories;
@@ -170,6 +170,47 @@ TEST_F(PackageSchemas, ScansOfNoDriveAreRefused) {
   const auto map = MapPackage::open(folder_.path() / "second");
   EXPECT_THAT([&] { (void)map->history(world_.tiles.begin()->first); },
               (ThrowsSaying<InputError>({"of drive", "drives"})));
+}
+
+TEST_F(PackageSchemas, WhatTheManifestSaysOfTilesAndDrivesIsChecked) {
+  const fs::path file = second_->folder() / "manifest.json";
+  std::string text;
+  {
+    std::ifstream stream(file);
+    text.assign(std::istreambuf_iterator<char>(stream), {});
+  }
+  const auto changed = [&](const std::string& from, const std::string& to) {
+    std::string other = text;
+    const std::size_t at = other.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    std::ofstream(file) << other.replace(at, from.size(), to);
+    return second_->folder();
+  };
+  const auto wrong = MapPackage::open(changed("\"points\": 160", "\"points\": 161"));
+  EXPECT_EQ(wrong->manifest().extent.points, 161U);
+  EXPECT_THAT([&] { (void)wrong->tiles(); },
+              (ThrowsSaying<InputError>({"161 points", "160 points as in the regions"})));
+  const auto refused = [&](const std::string& from, const std::string& to, const char* what) {
+    EXPECT_THAT([&] { (void)MapPackage::open(changed(from, to)); },
+                (ThrowsSaying<InputError>({"manifest.json", what})));
+  };
+  refused("\"drives\"", "\"others\"", "drives");
+  refused("\"extent\"", "\"others\"", "extent");
+  refused("\"scans\": 5", "\"scans\": 4294967292", "scans");
+  refused("\"points\": 160", "\"points\": 18446744073709551615", "points");
+  refused("\"max\": [", "\"max\": [-1e300, 0, 0], \"unused\": [", "max");
+}
+
+TEST_F(PackageSchemas, ObjectsThatWereToldOfMustBeWritten) {
+  MapPackageWriter writer(folder_.path() / "none");
+  writer.set_drives({{4, 1}});
+  writer.add_tile(world_.tiles.begin()->first, MapTile({}, {}, world_.tiles.begin()->second));
+  EXPECT_THROW(writer.publish({}, "{}"), std::invalid_argument);
+  MapObject object;
+  object.drive = 1;
+  object.placements = {{0, Eigen::Vector3d::Zero(), 0.0}};
+  EXPECT_THROW(writer.write_objects({object}), std::invalid_argument);
+  EXPECT_THROW(writer.add_fates({{PointFate::kProjected}, {2}}), std::invalid_argument);
 }
 
 TEST_F(PackageSchemas, TilesOfOtherVersionsAreShared) {

@@ -42,7 +42,7 @@ TileContent some_tile(std::size_t points, std::uint32_t scans = 40) {
     tile.history.push_back(history);
   }
   tile.evidence.base_m = -2;
-  tile.evidence.drives = {{.drive = 1}, {.drive = 4}};
+  tile.evidence.drives = {{1, {}, {}}, {4, {}, {}}};
   for (std::size_t cube = 0; cube < TileEvidence::kCubes; cube += 3)
     tile.evidence.drives[0].free.set(cube);
   tile.evidence.drives[1].hit.set(3199);
@@ -193,7 +193,9 @@ TEST(TileBytes, AreNotMadeOfWhatCannotBeATile) {
   };
   EXPECT_THROW(encode([](TileContent& tile) { tile.points.clear(); }), std::invalid_argument);
   EXPECT_THROW(encode([](TileContent& tile) { tile.history.pop_back(); }), std::invalid_argument);
-  EXPECT_THROW(encode([](TileContent& tile) { tile.evidence.drives.push_back({.drive = 4}); }),
+  EXPECT_THROW(encode([](TileContent& tile) {
+                 tile.evidence.drives.push_back({4, {}, {}});
+               }),
                std::invalid_argument);
   EXPECT_THROW(encode([](TileContent& tile) {
                  tile.of_objects = {{5, {}}};

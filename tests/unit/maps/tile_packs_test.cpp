@@ -147,6 +147,18 @@ TEST(TilePacks, NamePacksThatAreMissingOrOfAnotherSize) {
               (ThrowsSaying<StorageError>({pack})));
 }
 
+TEST(TilePacks, RefuseNodesWithoutTiles) {
+  const test::TemporaryFolder folder;
+  auto files = write(folder.path(), some_tiles());
+  for (const char* path : {"regions/67108864_0.node", "regions/0_-67108865.node", "regions/x"}) {
+    auto more = files;
+    more[path].bytes = 16;
+    EXPECT_THAT([&] { const PackReader reader(folder.path(), more); },
+                (ThrowsSaying<InputError>({path, "X_Y.node"})));
+  }
+  EXPECT_TRUE(region_of_path("regions/-67108864_67108863.node"));
+}
+
 TEST(TilePacks, ReadNoRegionThatNobodyAsksFor) {
   const test::TemporaryFolder folder;
   const auto files = write(folder.path(), some_tiles());

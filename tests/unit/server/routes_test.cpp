@@ -154,21 +154,29 @@ TEST_F(Routes, TilesAreListedPartByPart) {
 
 /// However large the map is, an answer has as much as was asked for, and all come.
 TEST(TileList, HasEachTileOnce) {
-  std::vector<maps::TileEntry> tiles(2501);
-  for (std::size_t i = 0; i < tiles.size(); ++i) tiles[i].id.x = static_cast<std::int32_t>(i);
+  const test::TemporaryFolder folder;
+  maps::MapPackageWriter writer(folder.path() / "map");
+  constexpr std::int32_t kTiles = 2501;
+  for (std::int32_t x = 0; x < kTiles; ++x) {
+    const maps::MapPoint point{20.0F * static_cast<float>(x) + 1.0F, 1.0F, 0.0F, 0.0F, 1,
+                               maps::PointKind::kMeasured,           0};
+    writer.add_tile({.level = 0, .x = x, .y = 0}, std::span(&point, 1));
+  }
+  writer.publish({}, "{}");
+  const auto map = maps::MapPackage::open(folder.path() / "map");
   std::vector<std::int32_t> found;
   std::optional<std::int64_t> before;
   do {
-    const TilePage page = list_tiles(tiles, {}, 500, before);
+    const TilePage page = list_tiles(*map, {}, 500, before);
     EXPECT_LE(page.tiles.size(), 500U);
     for (const maps::TileEntry& tile : page.tiles) found.push_back(tile.id.x);
     before = page.next;
   } while (before);
-  ASSERT_EQ(found.size(), tiles.size());
-  for (std::size_t i = 0; i < found.size(); ++i)
-    EXPECT_EQ(found[i], static_cast<std::int32_t>(tiles.size() - 1 - i));
-  EXPECT_TRUE(list_tiles(tiles, {}, 500, 1).tiles.empty());
-  EXPECT_EQ(list_tiles(tiles, {}, 1, std::int64_t{1} << 60U).tiles[0].id.x, 2500);
+  ASSERT_EQ(found.size(), std::size_t{kTiles});
+  for (std::int32_t i = 0; i < kTiles; ++i)
+    EXPECT_EQ(found[static_cast<std::size_t>(i)], kTiles - 1 - i);
+  EXPECT_TRUE(list_tiles(*map, {}, 500, 1).tiles.empty());
+  EXPECT_EQ(list_tiles(*map, {}, 1, std::int64_t{1} << 60U).tiles[0].id.x, kTiles - 1);
 }
 
 TEST_F(Routes, TrajectoryHasExactStampsAsText) {

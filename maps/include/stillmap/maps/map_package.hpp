@@ -115,7 +115,6 @@ struct MapManifest {
 };
 
 class DriveNumbers;
-struct DriveNumber;
 class PackReader;
 class PackWriter;
 
@@ -165,8 +164,6 @@ class MapPackageWriter {
   std::string publish(MapManifest manifest, const std::string& build_json);
 
  private:
-  [[nodiscard]] DriveNumber object_of(std::uint32_t over_all) const;
-
   PartialFolder folder_;
   std::string survivor_;
   int schema_;
@@ -177,6 +174,7 @@ class MapPackageWriter {
   /// Of the drive of the scans that come.
   std::unique_ptr<FatesWriter> fates_;
   std::uint32_t fates_drive_ = 0, fates_scans_ = 0;
+  bool has_objects_ = false;
 };
 
 /// An immutable map version. Of schema 2, opening reads manifest.json only. Regions are read, and
@@ -193,13 +191,14 @@ class MapPackage {
   [[nodiscard]] const std::string& digest() const { return digest_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   ~MapPackage();
-  /// All tiles, by level, x, y. Reads all regions.
+  /// All tiles, by level, x, y. Reads all regions, and checks that the manifest's extent is theirs.
   [[nodiscard]] std::vector<TileEntry> tiles() const;
   /// Regions that have tiles of level 0, by x, then y. Of schema 2 none is read.
   [[nodiscard]] std::vector<RegionId> regions() const;
   /// Tiles of level 0 of a region, by x, then y.
   [[nodiscard]] std::vector<TileEntry> tiles(RegionId region) const;
   [[nodiscard]] bool has_tile(TileId id) const;
+  [[nodiscard]] std::optional<TileEntry> entry(TileId id) const;
   /// Points of a tile; empty when there is none.
   [[nodiscard]] MapTile tile(TileId id) const;
   /// Whether `history` has something for a tile.
@@ -211,7 +210,8 @@ class MapPackage {
   /// The bytes that the checksum of a tile's file covers; empty when there is none. Valid as long
   /// as the package.
   [[nodiscard]] std::span<const std::byte> stored_tile(TileId id) const;
-  /// That checksum, as lower-case hex, and the name of the file (and of the tile in it).
+  /// That checksum of a tile that the package has, as lower-case hex, and the name of the file (and
+  /// of the tile in it).
   struct StoredName {
     std::string sha256;
     std::string file;

@@ -18,6 +18,12 @@ struct RegionId {
   auto operator<=>(const RegionId&) const = default;
 };
 
+/// Tiles are numbered by 32 bits.
+[[nodiscard]] constexpr bool has_tiles(RegionId region) {
+  constexpr std::int32_t kMost = 1 << 26;
+  return region.x >= -kMost && region.x < kMost && region.y >= -kMost && region.y < kMost;
+}
+
 /// @param tile  of level 0.
 [[nodiscard]] constexpr RegionId region_of(TileId tile) {
   // A shift rounds down on both sides of zero.
