@@ -143,7 +143,7 @@ TEST_F(MapCatalogTest, ServesAMendedPackageSoonAndTheOldOneUntilThen) {
     const auto package = store_folder_.path() / "packages" / digests_[1];
     // The step of the first point's x, behind the tile's head.
     std::fstream(package / test::pack_of(package), std::ios::in | std::ios::out | std::ios::binary)
-        .seekp(25)
+        .seekp(33)
         .put(byte);
   };
   spoil('\x55');
