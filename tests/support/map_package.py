@@ -84,7 +84,7 @@ def decode_tile(data, x, y, origin, drives):
         number = over_all(scans, "scans")
         width = "<u4" if flags & 2 else "<u2"
         tile.first_scan, tile.last_scan = (number[columns.take(width, points)] for _ in range(2))
-    tile.evidence_base_m = int(columns.take("<i4", 1 if seen else 0).sum())
+    tile.evidence_base_m = int(columns.take("<i4", 1)[0]) if seen else 0
     tile.evidence_drive = columns.take("<u4", seen)
     tile.free, tile.hit = (np.unpackbits(columns.take("u1", 400 * seen), bitorder="little").reshape(seen, 20, 20, 8).astype(bool)
                            for _ in range(2))

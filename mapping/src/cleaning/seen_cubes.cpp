@@ -5,12 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <optional>
 
 namespace stillmap::mapping {
 namespace {
 
 constexpr double kCubeViewEveryM = 8.0;
+/// A vehicle that stands sees what passes.
+constexpr std::size_t kCubeViewEveryScans = 100;
 constexpr double kCubeReachM = 25.0;
 /// Nearer than this a view meets its own vehicle [m].
 constexpr double kCubeNearestM = 2.0;
@@ -30,7 +31,7 @@ void look_at_cubes(const RangeView& view, const Eigen::Isometry3d& T_local_lidar
                    maps::TileEvidence::OfDrive& seen) {
   const Eigen::Isometry3d T_lidar_local = T_local_lidar.inverse();
   for (std::size_t cube = 0; cube < maps::TileEvidence::kCubes; ++cube) {
-    if (seen.hit[cube]) continue;
+    if (seen.hit[cube] && seen.free[cube]) continue;
     const Eigen::Vector3d p_lidar = T_lidar_local * (corner + cubes.middle_of(cube));
     const double distance_m = p_lidar.norm();
     if (distance_m < kCubeNearestM || distance_m > kCubeReachM) continue;
@@ -44,12 +45,15 @@ void look_at_cubes(const RangeView& view, const Eigen::Isometry3d& T_local_lidar
 
 SeenCubes::SeenCubes(const PosedViews& views, std::span<const std::size_t> drive_of_scan)
     : views_(views) {
-  std::optional<Eigen::Vector3d> last;
+  std::size_t last = 0;
   for (std::size_t scan = 0; scan < drive_of_scan.size(); ++scan) {
     const Eigen::Vector3d p = views.T_local_lidar[scan].translation();
     const bool begins = scan == 0 || drive_of_scan[scan] != drive_of_scan[scan - 1];
-    if (!begins && (p - *last).norm() < kCubeViewEveryM) continue;
-    last = p;
+    const Eigen::Vector3d way = p - views.T_local_lidar[last].translation();
+    if (!begins && way.norm() < kCubeViewEveryM && scan - last < kCubeViewEveryScans) continue;
+    last = scan;
+    // It would put what it saw into other cubes.
+    if (!views.doubts.empty() && views.doubts[scan].at(kCubeReachM) > kCubeBallM) continue;
     by_tile_[tile_under(p)].push_back({drive_of_scan[scan], scan});
   }
 }

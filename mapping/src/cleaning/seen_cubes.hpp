@@ -15,8 +15,9 @@ namespace stillmap::mapping {
 
 /// What the drives of a build saw of tiles, as packages keep it. Safe from several threads.
 ///
-/// One view every 8 m of each drive's way is asked, and each of what lies within 25 m of it: more
-/// views say little more of cubes of a metre.
+/// One view every 8 m of each drive's way, and every 100 scans of a vehicle that stands, is asked
+/// of what lies within 25 m of it: more views say little more of cubes of a metre. Views whose pose
+/// is in doubt are not asked.
 class SeenCubes {
  public:
   /// @param views  of all scans; outlives this. @param drive_of_scan  one a scan.

@@ -23,6 +23,23 @@ std::int32_t tile_of(double value_m) {
   return static_cast<std::int32_t>(std::clamp(std::floor(value_m / kTileSizeM), -kMost, kMost));
 }
 
+struct SeenFree {
+  TileEvidence evidence;
+  /// Seen free, and without a point.
+  TileEvidence::Cubes cubes;
+};
+
+SeenFree seen_free(const MapPackage& map, TileId tile) {
+  SeenFree seen{map.evidence(tile), {}};
+  if (seen.evidence.drives.empty()) return seen;
+  seen.cubes = seen.evidence.free();
+  const MapTile own = map.tile(tile);
+  for (const MapPoint& point : own)
+    if (const auto cube = seen.evidence.cube_of(own.from_origin(point) - corner_of(tile)))
+      seen.cubes.reset(*cube);
+  return seen;
+}
+
 }  // namespace
 
 ShiftedPoints::ShiftedPoints(const MapPackage& map, const Eigen::Vector3d& origin)
@@ -80,15 +97,17 @@ std::uint32_t ShiftedPoints::count_seen_free(const std::vector<MapPoint>& points
                                              std::int32_t y) const {
   const Eigen::Vector3d corner = corner_of({.level = 0, .x = x, .y = y}) - shift_;
   // A tile of ours has the points of four of theirs at most.
-  std::map<TileId, TileEvidence> evidence;
+  std::map<TileId, SeenFree> tiles;
   std::uint32_t count = 0;
   for (const MapPoint& point : points) {
+    // The middle of a cube may be free above its ground.
+    if (point.kind != PointKind::kMeasured) continue;
     const Eigen::Vector3d p = corner + Eigen::Vector3d(point.x, point.y, point.z);
     const TileId tile{.level = 0, .x = tile_of(p.x()), .y = tile_of(p.y())};
-    auto known = evidence.find(tile);
-    if (known == evidence.end()) known = evidence.emplace(tile, map_.evidence(tile)).first;
-    const auto cube = known->second.cube_of(p - corner_of(tile));
-    count += cube && known->second.is_free(*cube) ? 1 : 0;
+    auto known = tiles.find(tile);
+    if (known == tiles.end()) known = tiles.emplace(tile, seen_free(map_, tile)).first;
+    const auto cube = known->second.evidence.cube_of(p - corner_of(tile));
+    count += cube && known->second.cubes[*cube] ? 1 : 0;
   }
   return count;
 }

@@ -24,7 +24,8 @@ class ShiftedPoints {
   /// each point of the map is in one tile.
   [[nodiscard]] std::vector<MapPoint> in_tile(std::int32_t x, std::int32_t y,
                                               double margin_m = 0.0) const;
-  /// How many of some points lie where the map's drives saw nothing but free space.
+  /// How many of some points were measured above the ground where the map's drives saw nothing but
+  /// free space, and where it has no point.
   /// @param points  of a tile, from its corner.
   [[nodiscard]] std::uint32_t count_seen_free(const std::vector<MapPoint>& points, std::int32_t x,
                                               std::int32_t y) const;

@@ -25,6 +25,9 @@ class DriveNumbers {
   explicit DriveNumbers(std::vector<MapManifest::DriveCounts> drives);
 
   [[nodiscard]] const std::vector<MapManifest::DriveCounts>& drives() const { return drives_; }
+  [[nodiscard]] bool has_drive(std::uint32_t drive) const {
+    return drives_.empty() ? drive == 0 : drive < drives_.size();
+  }
   /// @throws std::out_of_range for what no drive has.
   [[nodiscard]] DriveNumber scan(std::uint32_t over_all) const;
   [[nodiscard]] DriveNumber object(std::uint32_t over_all) const;

@@ -96,9 +96,12 @@ void require_extent(const std::vector<TileEntry>& tiles, const MapExtent& told,
   MapExtent found;
   for (const TileEntry& tile : tiles) found.add(tile);
   const auto text = [](const MapExtent& extent) {
-    return fmt::format("an extent of {} tiles, {} points, {:.3f} m2, x {:.3f} to {:.3f} m",
-                       extent.tiles, extent.points, extent.area_m2, extent.from_origin.min().x(),
-                       extent.from_origin.max().x());
+    return fmt::format("an extent of {} tiles, {} points, {:.3f} m2", extent.tiles, extent.points,
+                       extent.area_m2) +
+           (extent.from_origin.isEmpty()
+                ? ""
+                : fmt::format(", x {:.3f} to {:.3f} m", extent.from_origin.min().x(),
+                              extent.from_origin.max().x()));
   };
   constexpr double kRounding = 1e-9;
   const bool same = found.tiles == told.tiles && found.points == told.points &&
@@ -275,7 +278,13 @@ std::vector<PointHistory> MapPackage::history(TileId id) const {
 
 TileEvidence MapPackage::evidence(TileId id) const {
   if (!packs_ || !has_tile(id)) return {};
-  return decode_evidence(packs_->bytes(id), packs_->name_of(id));
+  const std::string name = packs_->name_of(id);
+  TileEvidence evidence = decode_evidence(packs_->bytes(id), name);
+  for (const TileEvidence::OfDrive& each : evidence.drives)
+    if (!numbers_->has_drive(each.drive))
+      throw InputError(name, fmt::format("evidence of drive {}", each.drive),
+                       "one of manifest.json's drives: copy or build the map again");
+  return evidence;
 }
 
 MapPackage::StoredName MapPackage::stored_name(TileId id) const {

@@ -134,6 +134,9 @@ void MapPackageWriter::add_tile(TileId id, const MapTile& tile,
     const std::uint32_t object = history.empty() ? content.points[i].object : history[i].object;
     if (object > 0) content.of_objects.push_back({i, object_of(object - 1, *numbers_)});
   }
+  for (const TileEvidence::OfDrive& each : evidence.drives)
+    if (!numbers_->has_drive(each.drive))
+      throw std::invalid_argument(fmt::format("evidence of drive {}, which is none", each.drive));
   content.evidence = evidence;
   packs_->add(id, content);
 }

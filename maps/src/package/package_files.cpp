@@ -17,7 +17,7 @@ using nlohmann::json;
 
 constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 50U;
 /// As far as tiles of 32 bits go [m].
-constexpr double kFarthestM = 4.3e10;
+constexpr double kFarthestTileM = 4.3e10;
 constexpr double kMaxFloat = std::numeric_limits<float>::max();
 
 json to_json(const TileEntry& tile) {
@@ -78,7 +78,7 @@ MapExtent extent_from(const JsonField& field) {
   if (extent.tiles == 0) return extent;
   extent.from_origin = {field.at("min").vector3(), field.at("max").vector3()};
   for (const char* corner : {"min", "max"})
-    if (!(field.at(corner).vector3().cwiseAbs().maxCoeff() <= kFarthestM))
+    if (!(field.at(corner).vector3().cwiseAbs().maxCoeff() <= kFarthestTileM))
       field.at(corner).refuse("coordinates of tiles");
   if (extent.from_origin.isEmpty()) field.at("max").refuse("not below min");
   return extent;

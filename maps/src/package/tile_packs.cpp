@@ -198,9 +198,9 @@ std::vector<RegionId> PackReader::regions() const {
 }
 
 const PackReader::Region& PackReader::region(RegionId id) const {
-  static const Region kNone;
+  static const Region none;
   const auto found = regions_.find(id);
-  if (found == regions_.end()) return kNone;
+  if (found == regions_.end()) return none;
   Region& region = found->second;
   std::call_once(region.once, [&] {
     const std::string name = (folder_ / region_path(id)).string();

@@ -13,22 +13,26 @@ bool touches(const Eigen::AlignedBox2d& area, const maps::TileEntry& tile) {
 TilePage list_tiles(const maps::MapPackage& map, const std::optional<Eigen::AlignedBox2d>& area,
                     std::size_t limit, std::optional<std::int64_t> before) {
   TilePage page;
-  const std::vector<maps::RegionId> regions = map.regions();
   // The number of the tile that comes next, if it is there.
   auto number = static_cast<std::int64_t>(map.manifest().extent.tiles);
   std::int64_t last = 0;
-  for (auto region = regions.rbegin(); region != regions.rend(); ++region) {
-    const std::vector<maps::TileEntry> tiles = map.tiles(*region);
-    for (auto tile = tiles.rbegin(); tile != tiles.rend(); ++tile, --number) {
+  const auto take = [&](const std::vector<maps::TileEntry>& tiles) {
+    for (auto tile = tiles.rbegin(); tile != tiles.rend() && !page.next; ++tile, --number) {
       if ((before && number >= *before) || (area && !touches(*area, *tile))) continue;
       if (page.tiles.size() == limit) {
         page.next = last;
-        return page;
+        return;
       }
       page.tiles.push_back(*tile);
       last = number;
     }
-  }
+  };
+  // Those of schema 1 are at hand, and some are of no region.
+  take(map.manifest().tiles);
+  if (map.manifest().schema == 1) return page;
+  const std::vector<maps::RegionId> regions = map.regions();
+  for (auto region = regions.rbegin(); region != regions.rend() && !page.next; ++region)
+    take(map.tiles(*region));
   return page;
 }
 

@@ -55,8 +55,8 @@ TEST_F(SeenCubesTest, AreFreeHitOrNeitherByDrive) {
   EXPECT_FALSE(open.hit[cube(16.5, 1.5)]);
   EXPECT_TRUE(hidden.free[cube(3.5, 1.5)]);
   EXPECT_FALSE(hidden.free[cube(8.5, 1.5)]) << "behind the board";
-  EXPECT_TRUE(evidence.is_free(cube(8.5, 1.5))) << "one drive saw it";
-  EXPECT_FALSE(evidence.is_free(cube(16.5, 1.5)));
+  EXPECT_TRUE(evidence.free()[cube(8.5, 1.5)]) << "one drive saw it";
+  EXPECT_FALSE(evidence.free()[cube(16.5, 1.5)]);
 }
 
 TEST_F(SeenCubesTest, AreOfDrivesThatCameNear) {
@@ -67,7 +67,34 @@ TEST_F(SeenCubesTest, AreOfDrivesThatCameNear) {
 
 TEST_F(SeenCubesTest, SayNothingWherePosesAreInDoubt) {
   views_.doubts.assign(views_.T_local_lidar.size(), {.m = 1.0F, .rad = 0.0F});
-  for (const auto& each : seen({.level = 0, .x = 0, .y = 0}).drives) EXPECT_TRUE(each.free.none());
+  EXPECT_TRUE(seen({.level = 0, .x = 0, .y = 0}).drives.empty());
+}
+
+TEST_F(SeenCubesTest, OfAVehicleThatStandsAreOfSeveralTimes) {
+  // A board comes, or it goes.
+  const test::ScanPattern pattern{
+      .rings = 48, .columns = 900, .lowest_rad = -0.6, .highest_rad = 0.3};
+  const auto view = [&](bool board) {
+    test::SyntheticWorld world;
+    world.boxes = {{{-60.0, 14.0, 0.0}, {80.0, 14.5, 6.0}}};
+    if (board) world.boxes.push_back({{5.0, 6.4, 0.0}, {15.0, 6.6, 4.0}});
+    return std::make_shared<const RangeView>(
+        world.scan(test::pose_at(10.0, 0.0), pattern).positions, std::vector<std::uint8_t>{});
+  };
+  const std::vector<std::shared_ptr<const RangeView>> both{view(false), view(true)};
+  for (const bool comes : {true, false}) {
+    PosedViews views;
+    views.T_local_lidar.assign(300, test::pose_at(10.0, 0.0));
+    views.read = [&](std::size_t scan) { return both[(scan >= 150) == comes ? 1 : 0]; };
+    const std::vector<std::size_t> drives(300, 0);
+    const maps::TileEvidence evidence =
+        SeenCubes(views, drives).of({.level = 0, .x = 0, .y = 0}, 0);
+    ASSERT_EQ(evidence.drives.size(), 1U);
+    const std::size_t cube = *evidence.cube_of({10.5, 6.5, 1.5});
+    EXPECT_TRUE(evidence.drives[0].hit[cube]) << comes;
+    EXPECT_TRUE(evidence.drives[0].free[cube]) << comes;
+    EXPECT_FALSE(evidence.free()[cube]) << comes;
+  }
 }
 
 TEST(TileEvidence, CubesAreNumberedByXThenYThenHeight) {

@@ -78,29 +78,34 @@ TEST_F(Difference, TellsWhatIsGoneFromWhatWasNotSeen) {
   std::vector<MapPoint> points;
   for (int i = 0; i < 40; ++i)
     points.push_back({static_cast<float>(i) + 0.5F, 0.5F, 0.5F, 0.0F, 1, PointKind::kMeasured, 0});
+  points[27].kind = PointKind::kGround;
   const auto version = map(points);
   const Eigen::Vector3d origin(20.0, -20.0, 3.0);
   const auto at = [&](float x) {
     return MapPoint{x - 20.0F, 20.5F, -2.5F, 0.0F, 1, PointKind::kMeasured, 0};
   };
+  // One in another layer, and one in a cube that was seen free: the middle is above its ground.
   const MapPoint high{0.5F, 20.5F, 1.5F, 0.0F, 1, PointKind::kMeasured, 0};
+  const MapPoint low{5.5F, 20.5F, -2.9F, 0.0F, 1, PointKind::kGround, 0};
   TileEvidence evidence{.base_m = -3, .drives = {{0, {}, {}}, {2, {}, {}}}};
   for (int x = 0; x < 10; ++x) evidence.drives[0].free.set(*evidence.cube_of({x + 0.5, 0.5, -2.5}));
   evidence.drives[1].hit.set(*evidence.cube_of({2.5, 0.5, -2.5}));
   MapPackageWriter writer(folder_.path() / "seen");
+  writer.set_drives({{1, 0}, {1, 0}, {1, 0}});
   writer.add_tile({.level = 0, .x = -1, .y = 1},
                   MapTile(origin, Eigen::Vector3d::Zero(), {at(0.5F)}));
-  writer.add_tile({.level = 0, .x = 0, .y = 1}, MapTile(origin, Eigen::Vector3d::Zero(), {high}),
-                  {}, evidence);
+  writer.add_tile({.level = 0, .x = 0, .y = 1},
+                  MapTile(origin, Eigen::Vector3d::Zero(), {high, low}), {}, evidence);
   MapManifest manifest;
   manifest.origin = origin;
   writer.publish(manifest, "{}");
   const auto other = MapPackage::open(folder_.path() / "seen");
   const auto difference = made(*version, *other);
   EXPECT_EQ(difference->total(kVersion).points, 39U);
-  EXPECT_EQ(difference->total(kVersion).seen_free, 9U) << "something was met in one of ten cubes";
-  EXPECT_EQ(difference->find(kVersion, 1, 0)->counts.seen_free, 9U);
-  EXPECT_EQ(difference->total(kOther).points, 1U);
+  EXPECT_EQ(difference->total(kVersion).seen_free, 7U)
+      << "of ten cubes: something was met in one, one has ground, one point is ground";
+  EXPECT_EQ(difference->find(kVersion, 1, 0)->counts.seen_free, 7U);
+  EXPECT_EQ(difference->total(kOther).points, 2U);
   EXPECT_EQ(difference->total(kOther).seen_free, 0U) << "the first map says nothing";
 }
 

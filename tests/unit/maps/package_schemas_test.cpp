@@ -212,6 +212,12 @@ TEST_F(PackageSchemas, ObjectsThatWereToldOfMustBeWritten) {
   object.placements = {{0, Eigen::Vector3d::Zero(), 0.0}};
   EXPECT_THROW(writer.write_objects({object}), std::invalid_argument);
   EXPECT_THROW(writer.add_fates({{PointFate::kProjected}, {2}}), std::invalid_argument);
+  const TileEvidence evidence{.base_m = 0, .drives = {{1, {}, {}}}};
+  EXPECT_THROW(writer.add_tile({.level = 0, .x = 3, .y = 0},
+                               MapTile(Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), {point}),
+                               {}, evidence),
+               std::invalid_argument)
+      << "there is one drive";
 }
 
 TEST_F(PackageSchemas, TilesOfOtherVersionsAreShared) {

@@ -3,6 +3,8 @@ export interface Side {
   points: number;
   kinds: Partial<Record<'measured' | 'ground' | 'projected' | 'filled', number>>;
   area_m2: number;
+  /** Of the points, those at places that the other version saw free. */
+  seen_free: number;
 }
 
 export interface TileSide extends Side {

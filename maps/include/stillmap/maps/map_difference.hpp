@@ -24,8 +24,8 @@ struct DifferenceCounts {
   std::array<std::uint64_t, 4> kinds{};
   /// Ground squares of 1 m x 1 m that hold such a point [m^2].
   std::uint64_t area_m2 = 0;
-  /// Of the points, those at places that drives of the other version saw free: gone, or new. At the
-  /// other points it may only not have looked.
+  /// Points measured above the ground where drives of the other version saw free space: they are
+  /// gone, or new. At the others it may only not have looked.
   std::uint64_t seen_free = 0;
 };
 struct DifferenceTile {

@@ -22,18 +22,18 @@ struct TileEvidence {
 
   struct OfDrive {
     std::uint32_t drive = 0;
-    /// Some view saw the middle of the cube free. In some view a return lies at it: both may be.
+    /// Some view saw the middle of the cube free; in some view a return lies near it. Both may be.
     Cubes free, hit;
   };
 
   /// Where the lowest cubes begin, above the map's origin [m].
   std::int32_t base_m = 0;
-  /// By drive, each once; none that saw nothing.
+  /// By drive, each once. Drives that saw nothing are left out.
   std::vector<OfDrive> drives;
 
   /// @return the cube of a point, by x, then y, then height; nothing above or below the cubes.
-  /// @param p  from the tile's corner; its height from the map's origin [m]. What a rounding puts
-  /// beside the tile counts as at its border.
+  /// @param p  from the tile's corner; its height from the map's origin [m]. x and y are clamped to
+  /// the tile.
   [[nodiscard]] std::optional<std::size_t> cube_of(const Eigen::Vector3d& p) const {
     const double layer = std::floor(p.z() - base_m);
     if (!(layer >= 0.0 && layer < kLayers)) return std::nullopt;
@@ -48,12 +48,14 @@ struct TileEvidence {
     return {static_cast<double>(column / kSide) + 0.5, static_cast<double>(column % kSide) + 0.5,
             base_m + static_cast<double>(cube % kLayers) + 0.5};
   }
-  /// Whether some drive saw the cube free, and none met anything in it.
-  [[nodiscard]] bool is_free(std::size_t cube) const {
-    return std::any_of(drives.begin(), drives.end(),
-                       [&](const OfDrive& d) { return d.free[cube]; }) &&
-           std::none_of(drives.begin(), drives.end(),
-                        [&](const OfDrive& d) { return d.hit[cube]; });
+  /// Cubes that some drive saw free, and in which none met anything.
+  [[nodiscard]] Cubes free() const {
+    Cubes free, hit;
+    for (const OfDrive& each : drives) {
+      free |= each.free;
+      hit |= each.hit;
+    }
+    return free & ~hit;
   }
 };
 
