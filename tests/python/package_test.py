@@ -58,7 +58,10 @@ class Maps(WithFolder):
             (self.folder / "far" / moved).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(MAP / name, self.folder / "far" / moved)
             files[moved] = listed
-        (self.folder / "far/manifest.json").write_text(json.dumps({**manifest, "files": files}))
+        extent = {**manifest["extent"]}
+        for corner in ("min", "max"):
+            extent[corner] = [extent[corner][0] + regions * 640.0, *extent[corner][1:]]
+        (self.folder / "far/manifest.json").write_text(json.dumps({**manifest, "files": files, "extent": extent}))
         here, far = stillmap.open_map(MAP), stillmap.open_map(self.folder / "far")
         shift = np.array([regions * 640.0, 0, 0])
         self.assertGreater(shift[0], 999_000)
