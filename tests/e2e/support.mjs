@@ -21,7 +21,7 @@ const kRegionM = 640;
 
 /**
  * The sample's map with everything in it some regions to the east of where it is, and its origin where it was: tiles count
- * from their corner, so only the names of regions change, the poses and the objects.
+ * from their corner, so only the names of regions change, the map's extent, the poses and the objects.
  *
  * @return the package's folder.
  */
@@ -46,7 +46,9 @@ export function movedMap(run, regions) {
     writeFileSync(join(to, name), changed);
     files[name] = changed === bytes ? file : { bytes: changed.length, sha256: createHash('sha256').update(changed).digest('hex') };
   }
-  writeFileSync(join(to, 'manifest.json'), JSON.stringify({ ...manifest, files }));
+  const moved = ([x, ...others]) => [x + shift, ...others];
+  const extent = { ...manifest.extent, min: moved(manifest.extent.min), max: moved(manifest.extent.max) };
+  writeFileSync(join(to, 'manifest.json'), JSON.stringify({ ...manifest, files, extent }));
   writeFileSync(join(to, 'build.json'), readFileSync(join(from, 'build.json')));
   return { folder: to, shift };
 }
