@@ -120,15 +120,20 @@ class Drives {
                          fmt::format("an object of drive {}", objects[before].drive),
                          fmt::format("one of {} drives", counts_.size()));
       ++counts_[objects[before].drive].objects;
+      // A region that a user removed was one object of all drives.
+      std::size_t end = 0;
+      for (std::size_t drive = 0; drive <= objects[before].drive; ++drive)
+        end += counts_[drive].scans;
+      objects_.back().last_scan =
+          std::min(objects_.back().last_scan, std::max<std::size_t>(end, 1) - 1);
     }
+    are_renumbered_ = !std::is_sorted(numbers_.begin(), numbers_.end());
   }
 
   [[nodiscard]] const std::vector<MapManifest::DriveCounts>& counts() const { return counts_; }
   [[nodiscard]] const std::vector<MapObject>& objects() const { return objects_; }
   /// Whether objects have other numbers than before.
-  [[nodiscard]] bool are_renumbered() const {
-    return !std::is_sorted(numbers_.begin(), numbers_.end());
-  }
+  [[nodiscard]] bool are_renumbered() const { return are_renumbered_; }
   [[nodiscard]] std::vector<PointHistory> history(TileId id) const {
     std::vector<PointHistory> history = map_.history(id);
     for (PointHistory& each : history) each.object = number_of(each.object);
@@ -139,7 +144,9 @@ class Drives {
     ScanFates fates = map_.fates(scan);
     for (std::uint32_t& object : fates.objects) {
       object = number_of(object);
-      if (object > 0 && objects_[object - 1].drive != drive) object = 0;
+      const bool is_own =
+          object > 0 && object <= objects_.size() && objects_[object - 1].drive == drive;
+      if (!is_own) object = 0;
     }
     return fates;
   }
@@ -165,6 +172,7 @@ class Drives {
   std::vector<MapObject> objects_;
   /// New numbers by old ones.
   std::vector<std::uint32_t> numbers_;
+  bool are_renumbered_ = false;
 };
 
 std::uint64_t bytes_of(const MapManifest& manifest, const std::string& path) {

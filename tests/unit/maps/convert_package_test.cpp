@@ -235,6 +235,7 @@ TEST_F(ConvertPackage, PutsObjectsInTheOrderOfTheirDrives) {
     writer.write_trajectory(drive_of(2), 1);
     // A user added the second one, in both drives.
     std::vector<MapObject> objects = some_objects();
+    objects[0].last_scan = 4;
     writer.write_objects({objects[200], objects[0]});
     for (std::uint32_t scan = 0; scan < 5; ++scan)
       writer.add_fates({{PointFate::kProjected, PointFate::kProjected}, {1, 2}});
@@ -245,6 +246,7 @@ TEST_F(ConvertPackage, PutsObjectsInTheOrderOfTheirDrives) {
   const auto after = MapPackage::open(target());
   const std::vector<MapObject> objects = after->objects();
   EXPECT_EQ(objects.at(0).drive, 0U);
+  EXPECT_EQ(objects.at(0).last_scan, 2U) << "the last one of its drive";
   EXPECT_EQ(objects.at(1).drive, 1U);
   EXPECT_EQ(objects.at(1).placements.at(0).centre_map.x(), 100.0);
   const auto was = before->history(kTiles[0]), is = after->history(kTiles[0]);
