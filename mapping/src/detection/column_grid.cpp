@@ -26,9 +26,9 @@ ColumnGrid::ColumnGrid(const maps::PointCloud& cloud, const GroundResult& ground
     const Eigen::Vector3f& p = cloud.positions[i];
     const int column = column_of(p.x(), p.y());
     if (column < 0) continue;
-    const auto below = ground.surface->at(static_cast<double>(p.x()), static_cast<double>(p.y()));
+    const auto below = ground.surface->z_at(static_cast<double>(p.x()), static_cast<double>(p.y()));
     if (!below) continue;
-    const float height_m = p.z() - static_cast<float>(below->z);
+    const float height_m = p.z() - static_cast<float>(*below);
     if (!(height_m > kMinHeightM && height_m < kMaxHeightM)) continue;
     found.push_back({column, {p, height_m, cloud.origin_of(i).head<2>()}});
     ++starts_[static_cast<std::size_t>(column) + 1];

@@ -58,6 +58,32 @@ std::optional<GroundSurface::Sample> HeightGrid::at(double x, double y) const {
   return sample;
 }
 
+std::optional<double> HeightGrid::z_at(double x, double y) const {
+  if (!(std::abs(x) < kHalfSideM && std::abs(y) < kHalfSideM)) return std::nullopt;
+  const double u = (x + kHalfSideM) / kCellM - 0.5;
+  const double v = (y + kHalfSideM) / kCellM - 0.5;
+  // Both are above -1.
+  const int ix = static_cast<int>(u + 1.0) - 1;
+  const int iy = static_cast<int>(v + 1.0) - 1;
+  const double fx = u - ix;
+  const double fy = v - iy;
+  double weight = 0.0;
+  double z = 0.0;
+  for (int corner = 0; corner < 4; ++corner) {
+    const int cx = ix + (corner & 1);
+    const int cy = iy + (corner >> 1);
+    if (cx < 0 || cy < 0 || cx >= kCellsPerSide || cy >= kCellsPerSide) continue;
+    const Node& n = node(cy * kCellsPerSide + cx);
+    if (n.confidence <= 0.0F) continue;
+    const double dx = (fx - (corner & 1)) * kCellM;
+    const double dy = (fy - (corner >> 1)) * kCellM;
+    const double w = (1.0 - std::abs(dx) / kCellM) * (1.0 - std::abs(dy) / kCellM) + 1e-6;
+    weight += w;
+    z += w * (n.z + n.slope_x * dx + n.slope_y * dy);
+  }
+  return weight > 1e-3 ? std::optional(z / weight) : std::nullopt;
+}
+
 std::vector<int> HeightGrid::unknown_beside(const std::vector<int>& cells) const {
   std::vector<int> found;
   std::vector<bool> seen(nodes_.size(), false);

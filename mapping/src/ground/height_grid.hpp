@@ -46,6 +46,7 @@ class HeightGrid final : public GroundSurface {
   }
 
   [[nodiscard]] std::optional<Sample> at(double x, double y) const override;
+  [[nodiscard]] std::optional<double> z_at(double x, double y) const override;
   /// The height of `at` in single precision, for a place in a known cell.
   [[nodiscard]] float height_at(float x, float y) const;
 

@@ -166,32 +166,32 @@ TEST_P(VoxelNextLayers, AreWhatTheirDefinitionsSay) {
   const FlatGround ground(0.0);
   mapping::Voxels voxels = mapping::voxelize(weights.config, random_scan(4, 600).cloud,
                                              mapping::NetworkHeight(weights.config, &ground));
-  const mapping::Triple& grid = voxels.sites.grid();
+  const mapping::Triple grid = voxels.sites.grid();
+  const Layer input = layer_of(voxels.sites, voxels.features);
+  std::map<std::string, Layer> found;
+  mapping::NetworkObserver observer;
+  observer.layer = [&](std::string_view name, const SiteSet& sites, const FeatureRows& rows) {
+    found[std::string(name)] = layer_of(sites, rows);
+  };
+  const mapping::VoxelNext::Neck neck = network.backbone(std::move(voxels), observer);
+  static_cast<void>(network.heat_maps(neck, observer));
+  EXPECT_EQ(found.size(), 6U + 12U + 3U + 2U);
   const std::map<std::string, Layer> expected =
-      reference_layers(weights, layer_of(voxels.sites, voxels.features), {grid.z, grid.y, grid.x});
-  std::size_t seen = 0;
-  const auto compare = [&](std::string_view name, const Layer& found) {
+      reference_layers(weights, input, {grid.z, grid.y, grid.x}, found);
+  for (const auto& [name, layer] : found) {
     SCOPED_TRACE(name);
-    ++seen;
-    const Layer& truth = expected.at(std::string(name));
-    ASSERT_EQ(cells_of(found), cells_of(truth));
+    const Layer& truth = expected.at(name);
+    ASSERT_EQ(cells_of(layer), cells_of(truth));
     double largest = 0.0, error = 0.0;
     for (const auto& [cell, row] : truth) {
       for (std::size_t c = 0; c < row.size(); ++c) {
         largest = std::max(largest, std::abs(row[c]));
-        error = std::max(error, std::abs(row[c] - found.at(cell)[c]));
+        error = std::max(error, std::abs(row[c] - layer.at(cell)[c]));
       }
     }
     EXPECT_GT(largest, 1e-3);
     EXPECT_LT(error, 1e-5 * (1.0 + largest));
-  };
-  mapping::NetworkObserver observer;
-  observer.layer = [&](std::string_view name, const SiteSet& sites, const FeatureRows& rows) {
-    compare(name, layer_of(sites, rows));
-  };
-  const mapping::VoxelNext::Neck neck = network.backbone(std::move(voxels), observer);
-  static_cast<void>(network.heat_maps(neck, observer));
-  EXPECT_EQ(seen, 6U + 12U + 3U + 2U);
+  }
   for (std::size_t head = 0; head < 2; ++head) {
     std::vector<std::uint32_t> cells;
     for (std::uint32_t cell = 1; cell < neck.cells.size(); cell += 2) cells.push_back(cell);

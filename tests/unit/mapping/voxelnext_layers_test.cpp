@@ -8,6 +8,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <set>
@@ -40,7 +41,7 @@ FeatureRows run(const SparseConvolution& layer, const Rulebook& book, const Feat
                 bool relu) {
   FeatureRows out;
   out.reshape(book.out_rows(), layer.out_channels());
-  layer.run(book, in, out, {.relu = relu});
+  layer.run(book, mapping::coded(in), out, {.relu = relu});
   return out;
 }
 
@@ -79,7 +80,7 @@ TEST(SubmanifoldConvolution, IsTheConvolutionAtActiveCells) {
         run(SparseConvolution(layer), Rulebook::submanifold(sites, kernel), in, false);
     const Layer dense = layer_of(sites, in);
     expect_near(layer_of(sites, out),
-                convolve(dense, cells_of(dense), layer, cell(kernel), {1, 1, 1}));
+                convolve(coded(dense), cells_of(dense), coded(layer), cell(kernel), {1, 1, 1}));
   }
 }
 
@@ -115,7 +116,7 @@ TEST(SparseConvolution, HoldsForAnyNumberOfChannels) {
         run(SparseConvolution(layer), Rulebook::submanifold(sites, {3, 3, 3}), in, true);
     const Layer dense = layer_of(sites, in);
     expect_near(layer_of(sites, out),
-                relu(convolve(dense, cells_of(dense), layer, {3, 3, 3}, {1, 1, 1})));
+                relu(convolve(coded(dense), cells_of(dense), coded(layer), {3, 3, 3}, {1, 1, 1})));
     // Columns that only fill lines up stay 0.
     for (std::size_t c = out.channels(); c < out.stride(); ++c) EXPECT_EQ(out.row(0)[c], 0.0F);
   }
@@ -144,10 +145,46 @@ TEST(SparseConvolution, AddsToWhatIsThere) {
   const FeatureRows in = random_rows(random, sites.size(), 10);
   FeatureRows out = random_rows(random, sites.size(), 10);
   const Layer before = layer_of(sites, out), dense = layer_of(sites, in);
-  SparseConvolution(layer).run(Rulebook::submanifold(sites, {1, 3, 3}), in, out,
+  SparseConvolution(layer).run(Rulebook::submanifold(sites, {1, 3, 3}), mapping::coded(in), out,
                                {.relu = true, .add_to_output = true});
   expect_near(layer_of(sites, out),
-              relu(plus(convolve(dense, cells_of(dense), layer, {1, 3, 3}, {1, 1, 1}), before)));
+              relu(plus(convolve(coded(dense), cells_of(dense), coded(layer), {1, 3, 3}, {1, 1, 1}),
+                        before)));
+}
+
+/// Some thousandths of what is usual: features in steps of 1/127 and weights of 1/63 of the
+/// largest.
+TEST(SparseConvolution, IsNearTheOneInFloats) {
+  Random random(10);
+  const SiteSet sites = random_sites(random, {3, 8, 60}, 0.4);
+  const Convolution layer = random_convolution(random, 27, 64, 64);
+  const FeatureRows in = random_rows(random, sites.size(), 64);
+  const Layer found = layer_of(
+      sites, run(SparseConvolution(layer), Rulebook::submanifold(sites, {3, 3, 3}), in, false));
+  const Layer dense = layer_of(sites, in);
+  double errors = 0.0, values = 0.0;
+  for (const auto& [cell, row] : convolve(dense, cells_of(dense), layer, {3, 3, 3}, {1, 1, 1})) {
+    for (std::size_t c = 0; c < row.size(); ++c) {
+      errors += (row[c] - found.at(cell)[c]) * (row[c] - found.at(cell)[c]);
+      values += row[c] * row[c];
+    }
+  }
+  EXPECT_LT(std::sqrt(errors / values), 0.01);
+  EXPECT_GT(errors, 0.0);
+}
+
+TEST(SparseConvolution, SaysThatRowsWithoutNumbersGiveNone) {
+  Random random(10);
+  const SiteSet sites = random_sites(random, {1, 1, 2}, 1.0);
+  FeatureRows in = random_rows(random, 2, 8);
+  const SparseConvolution layer(random_convolution(random, 1, 8, 8));
+  for (const float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    in.row(1)[3] = bad;
+    const FeatureRows out = run(layer, Rulebook::identity(2), in, false);
+    EXPECT_TRUE(std::isfinite(out.row(0)[0]));
+    EXPECT_TRUE(std::isnan(out.row(1)[0]));
+  }
 }
 
 TEST(SparseConvolution, RefusesShapesThatDoNotMeet) {
@@ -179,7 +216,7 @@ TEST(StridedConvolution, ReachesEveryCellWithAnInputUnderItsKernel) {
     const std::vector<Cell> cells =
         reached_cells(dense, cell(c.grid), cell(c.kernel), cell(c.stride));
     expect_near(layer_of(reached, out),
-                relu(convolve(dense, cells, layer, cell(c.kernel), cell(c.stride))));
+                relu(convolve(coded(dense), cells, coded(layer), cell(c.kernel), cell(c.stride))));
   }
 }
 
@@ -256,7 +293,7 @@ TEST(StridedConvolution, ReachesFromACellThatDoesNotDilateOnlyWhatLiesInItsMiddl
     ASSERT_FALSE(cells.empty());
     // Features of all cells count, also of those that do not dilate.
     expect_near(layer_of(reached, out),
-                relu(convolve(dense, cells, layer, cell(c.kernel), cell(two))));
+                relu(convolve(coded(dense), cells, coded(layer), cell(c.kernel), cell(two))));
   }
 }
 

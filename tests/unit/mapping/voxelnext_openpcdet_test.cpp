@@ -19,7 +19,10 @@
 namespace stillmap::mapping {
 namespace voxelnext_openpcdet_test {
 
-constexpr double kTolerance = 1e-4;
+/// Of a layer's values: ours are made of bytes (decisions/features_are_bytes.md), and the network
+/// is so small and random that this shows. What a byte must be is tested in
+/// voxelnext_layers_test.cpp.
+constexpr double kTolerance = 0.06;
 
 using Cell = std::array<int, 3>;
 using Rows = std::map<Cell, std::vector<float>>;
@@ -92,19 +95,19 @@ Rows rows_of(const SiteSet& sites, const FeatureRows& features) {
   return rows;
 }
 
-/// Largest |a - b| / max(1, |b|); infinite where cells or channels differ, or a number is NaN.
-double largest_difference(const Rows& found, const Rows& expected) {
-  double largest = found.size() == expected.size() ? 0.0 : INFINITY;
+/// |a - b| / |b| of all rows together; infinite where cells or channels differ, or a number is NaN.
+double relative_difference(const Rows& found, const Rows& expected) {
+  double differences = found.size() == expected.size() ? 0.0 : INFINITY, values = 0.0;
   for (const auto& [cell, row] : expected) {
     const auto other = found.find(cell);
     if (other == found.end() || other->second.size() != row.size()) return INFINITY;
     for (std::size_t c = 0; c < row.size(); ++c) {
-      const double b = row[c];
-      const double difference = std::abs(other->second[c] - b) / std::max(1.0, std::abs(b));
-      largest = std::isnan(difference) ? INFINITY : std::max(largest, difference);
+      const double b = row[c], difference = other->second[c] - b;
+      differences += std::isnan(difference) ? INFINITY : difference * difference;
+      values += b * b;
     }
   }
-  return largest;
+  return std::sqrt(differences / values);
 }
 
 Voxels voxels_of(const Truth& truth, const VoxelNextConfig& config) {
@@ -118,7 +121,7 @@ Voxels voxels_of(const Truth& truth, const VoxelNextConfig& config) {
   return voxels;
 }
 
-TEST(VoxelNextOfOpenPcdet, GivesWhatPyTorchGivesInEveryLayer) {
+TEST(VoxelNextOfOpenPcdet, GivesNearlyWhatPyTorchGivesInEveryLayer) {
   const VoxelNextWeights weights = read_voxelnext_weights(file_named("weights.safetensors"));
   const VoxelNext network(weights);
   const Truth truth;
@@ -127,7 +130,7 @@ TEST(VoxelNextOfOpenPcdet, GivesWhatPyTorchGivesInEveryLayer) {
   const auto compare = [&](const std::string& layer, const Rows& found) {
     ASSERT_TRUE(left.contains(layer)) << layer;
     left.erase(layer);
-    EXPECT_LT(largest_difference(found, truth.rows(layer)), kTolerance) << layer;
+    EXPECT_LT(relative_difference(found, truth.rows(layer)), kTolerance) << layer;
   };
   NetworkObserver observer;
   observer.layer = [&](std::string_view layer, const SiteSet& sites, const FeatureRows& rows) {

@@ -60,6 +60,42 @@ inline Layer convolve(const Layer& in, const std::vector<Cell>& out_cells,
   return out;
 }
 
+/// Values as they are when their largest is `most` steps and all are whole steps: in floats, which
+/// is part of the definition.
+inline void round_to_steps(std::vector<double*> values, float most) {
+  float largest = 0.0F;
+  for (const double* value : values)
+    largest = std::max(largest, std::abs(static_cast<float>(*value)));
+  if (largest == 0.0F) return;
+  for (double* value : values)
+    *value = static_cast<double>(largest / most) *
+             std::nearbyint(static_cast<double>(static_cast<float>(*value) * (most / largest)));
+}
+
+/// Rows as convolutions see them.
+inline Layer coded(Layer layer) {
+  for (auto& [cell, row] : layer) {
+    std::vector<double*> values;
+    for (double& value : row) values.push_back(&value);
+    round_to_steps(values, 127.0F);
+  }
+  return layer;
+}
+
+/// Weights as convolutions have them.
+inline mapping::Convolution coded(mapping::Convolution layer) {
+  const auto channels = static_cast<std::size_t>(layer.out_channels);
+  for (std::size_t j = 0; j < channels; ++j) {
+    float largest = 0.0F;
+    for (std::size_t i = j; i < layer.weight.size(); i += channels)
+      largest = std::max(largest, std::abs(layer.weight[i]));
+    const float step = largest / 63.0F;
+    for (std::size_t i = j; i < layer.weight.size() && largest > 0.0F; i += channels)
+      layer.weight[i] = step * std::nearbyint(layer.weight[i] / step);
+  }
+  return layer;
+}
+
 inline std::vector<Cell> cells_of(const Layer& layer) {
   std::vector<Cell> out;
   for (const auto& [cell, row] : layer) out.push_back(cell);
@@ -130,15 +166,38 @@ inline void merge_onto(Layer& sum, const Layer& stage, int scale) {
   }
 }
 
-/// Every layer of the network by name, from the input voxels.
-/// @param grid  of the input.
+/// Last layers of branches whose hidden rows share steps.
+inline void add_last(std::vector<std::pair<std::string, Layer>>& hidden,
+                     const mapping::VoxelNextWeights& weights, std::map<std::string, Layer>& out) {
+  for (const auto& [cell, row] : hidden.front().second) {
+    std::vector<double*> values;
+    for (auto& [name, layer] : hidden) {
+      for (double& value : layer.at(cell)) values.push_back(&value);
+    }
+    round_to_steps(values, 127.0F);
+  }
+  for (const auto& [name, layer] : hidden)
+    out[name + ".1"] =
+        convolve(layer, cells_of(layer), coded(weights.layer(name + ".1")), {1, 1, 1}, {1, 1, 1});
+}
+
+/// Every layer of the network by name, each from what was found for the one before: a value at the
+/// border of two codes may take either.
+/// @param grid   of the input. @param found  layers of the network under test.
 inline std::map<std::string, Layer> reference_layers(const mapping::VoxelNextWeights& weights,
-                                                     const Layer& voxels, Cell grid) {
+                                                     const Layer& voxels, Cell grid,
+                                                     const std::map<std::string, Layer>& found) {
   constexpr Cell kCube{3, 3, 3}, kSquare{1, 3, 3}, kOne{1, 1, 1}, kTwo{2, 2, 2};
   const mapping::VoxelNextConfig& config = weights.config;
   std::map<std::string, Layer> out;
-  Layer x = relu(convolve(voxels, cells_of(voxels), weights.layer("input"), kCube, kOne));
+  const auto convolved = [](const Layer& in, const std::vector<Cell>& cells,
+                            const mapping::Convolution& layer, const Cell& kernel,
+                            const Cell& stride) {
+    return convolve(coded(in), cells, coded(layer), kernel, stride);
+  };
+  Layer x = relu(convolved(voxels, cells_of(voxels), weights.layer("input"), kCube, kOne));
   out["input"] = x;
+  x = found.at("input");
   Layer merged;
   for (std::size_t i = 0; i < 6; ++i) {
     const std::string stage = "stage" + std::to_string(i + 1);
@@ -146,36 +205,55 @@ inline std::map<std::string, Layer> reference_layers(const mapping::VoxelNextWei
       const int k = config.stages[i].kernel;
       const std::vector<Cell> cells =
           reached_cells(x, grid, {k, k, k}, kTwo, pruned_cells(x, config.pruning[i - 1]));
-      x = relu(convolve(x, cells, weights.layer(stage + ".down"), {k, k, k}, kTwo));
+      x = relu(convolved(x, cells, weights.layer(stage + ".down"), {k, k, k}, kTwo));
       for (int& n : grid) n = (n + 2 * (k / 2) - k) / 2 + 1;
       out[stage + ".down"] = x;
+      x = found.at(stage + ".down");
     }
     for (int j = 0; j < config.stages[i].blocks; ++j) {
       const std::string block = stage + ".block" + std::to_string(j);
-      const Layer y = relu(convolve(x, cells_of(x), weights.layer(block + ".conv1"), kCube, kOne));
+      const Layer y = relu(convolved(x, cells_of(x), weights.layer(block + ".conv1"), kCube, kOne));
       out[block + ".conv1"] = y;
-      x = relu(plus(convolve(y, cells_of(y), weights.layer(block + ".conv2"), kCube, kOne), x));
+      const Layer& y_found = found.at(block + ".conv1");
+      x = relu(plus(
+          convolved(y_found, cells_of(y_found), weights.layer(block + ".conv2"), kCube, kOne), x));
       out[block + ".conv2"] = x;
+      x = found.at(block + ".conv2");
     }
     if (i >= 3) merge_onto(merged, x, 1 << (i - 3));
     if (i == 3) out["stage4 grid"][grid] = {};
   }
   out["merge"] = merged;
+  merged = found.at("merge");
   const Cell grid4 = out["stage4 grid"].begin()->first;
-  x = relu(convolve(merged, reached_cells(merged, {1, grid4[1], grid4[2]}, kSquare, kOne),
-                    weights.layer("neck.out"), kSquare, kOne));
+  x = relu(convolved(merged, reached_cells(merged, {1, grid4[1], grid4[2]}, kSquare, kOne),
+                     weights.layer("neck.out"), kSquare, kOne));
   out["neck.out"] = x;
-  x = relu(convolve(x, cells_of(x), weights.layer("neck.shared"), kSquare, kOne));
+  x = found.at("neck.out");
+  x = relu(convolved(x, cells_of(x), weights.layer("neck.shared"), kSquare, kOne));
   out["neck.shared"] = x;
+  x = found.at("neck.shared");
   const Cell head_kernel{1, config.head_kernel, config.head_kernel};
+  // Heat maps of all heads are side by side, and the other branches of each head: their rows share
+  // steps.
+  const auto hidden = [&](std::size_t h, mapping::VoxelNextBranch branch) {
+    const std::string name =
+        "head" + std::to_string(h) + "." + std::string(mapping::name_of(branch));
+    return std::pair(
+        name, relu(convolved(x, cells_of(x), weights.layer(name + ".0"), head_kernel, kOne)));
+  };
+  using mapping::VoxelNextBranch;
+  std::vector<std::pair<std::string, Layer>> heat, others;
   for (std::size_t h = 0; h < config.heads.size(); ++h) {
-    for (const mapping::VoxelNextBranch branch : config.branches) {
-      const std::string name =
-          "head" + std::to_string(h) + "." + std::string(mapping::name_of(branch));
-      const Layer y = relu(convolve(x, cells_of(x), weights.layer(name + ".0"), head_kernel, kOne));
-      out[name + ".1"] = convolve(y, cells_of(y), weights.layer(name + ".1"), kOne, kOne);
+    heat.push_back(hidden(h, VoxelNextBranch::kHm));
+    others.clear();
+    for (const VoxelNextBranch branch : config.branches) {
+      if (branch != VoxelNextBranch::kHm && branch != VoxelNextBranch::kVel)
+        others.push_back(hidden(h, branch));
     }
+    add_last(others, weights, out);
   }
+  add_last(heat, weights, out);
   return out;
 }
 
@@ -193,11 +271,12 @@ inline mapping::SiteSet random_sites(Random& random, const mapping::Triple& grid
   return sites;
 }
 
+/// Without negative values.
 inline mapping::FeatureRows random_rows(Random& random, std::size_t rows, std::size_t channels) {
   mapping::FeatureRows out(rows, channels);
   for (std::size_t row = 0; row < rows; ++row) {
     for (std::size_t c = 0; c < channels; ++c)
-      out.row(row)[c] = static_cast<float>(random.uniform(-1.0, 1.0));
+      out.row(row)[c] = static_cast<float>(random.uniform(0.0, 1.0));
   }
   return out;
 }

@@ -25,6 +25,11 @@ class GroundSurface {
   virtual ~GroundSurface() = default;
   /// @return nothing where no ground is known near enough.
   [[nodiscard]] virtual std::optional<Sample> at(double x, double y) const = 0;
+  /// `at(x, y)->z`.
+  [[nodiscard]] virtual std::optional<double> z_at(double x, double y) const {
+    const std::optional<Sample> sample = at(x, y);
+    return sample ? std::optional(sample->z) : std::nullopt;
+  }
 };
 
 struct GroundResult {

@@ -3,8 +3,12 @@
 #include "detection/voxelnext/pruning.hpp"
 #include "detection/voxelnext/rulebook.hpp"
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <ctime>
+#include <functional>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -55,6 +59,36 @@ class LayerTaker {
   const VoxelNextWeights& weights_;
 };
 
+/// What is positive, then what is negative, since convolutions take no signs.
+FeatureRows by_sign(const FeatureRows& rows) {
+  FeatureRows out(rows.rows(), 2 * rows.channels());
+  for (std::size_t row = 0; row < rows.rows(); ++row) {
+    for (std::size_t c = 0; c < rows.channels(); ++c) {
+      const float value = rows.row(row)[c];
+      out.row(row)[value < 0.0F ? rows.channels() + c : c] = std::abs(value);
+    }
+  }
+  return out;
+}
+
+/// A convolution of features `by_sign`.
+Convolution by_sign(const Convolution& of_signed) {
+  Convolution out = of_signed;
+  out.in_channels = 2 * of_signed.in_channels;
+  out.weight.clear();
+  const auto size = static_cast<std::ptrdiff_t>(of_signed.in_channels * of_signed.out_channels);
+  for (auto at = of_signed.weight.begin(); at != of_signed.weight.end(); at += size) {
+    out.weight.insert(out.weight.end(), at, at + size);
+    std::transform(at, at + size, std::back_inserter(out.weight), std::negate<>());
+  }
+  return out;
+}
+
+/// @param is_first  its features have signs.
+SparseConvolution opening_of(const Convolution& convolution, bool is_first) {
+  return SparseConvolution(is_first ? by_sign(convolution) : convolution);
+}
+
 }  // namespace
 
 Seconds Stopwatch::now() {
@@ -75,7 +109,7 @@ VoxelNext::VoxelNext(const VoxelNextWeights& weights) : config_(weights.config) 
     const std::string opening = i == 0 ? "input" : name + ".down";
     const Triple kernel = i == 0 ? kCube : Triple{shape.kernel, shape.kernel, shape.kernel};
     Stage stage{kernel,
-                SparseConvolution(*layers.take(opening, kernel, channels, shape.channels)),
+                opening_of(*layers.take(opening, kernel, channels, shape.channels), i == 0),
                 {},
                 opening,
                 {}};
@@ -127,13 +161,15 @@ VoxelNext::VoxelNext(const VoxelNextWeights& weights) : config_(weights.config) 
 void VoxelNext::run_blocks(const Stage& stage, Level& level, const Rulebook& book,
                            const NetworkObserver& observer, NetworkCosts::Part& cost) const {
   FeatureRows between;
+  CodedRows coded_between;
   for (std::size_t j = 0; j < stage.blocks.size(); ++j) {
     const Block& block = stage.blocks[j];
     between.reshape(level.sites.size(), block.conv1.out_channels());
     {
       const Stopwatch stopwatch(cost.convolution);
-      block.conv1.run(book, level.rows, between, {.relu = true});
-      block.conv2.run(book, between, level.rows, {.relu = true, .add_to_output = true});
+      block.conv1.run(book, level.coded, between, {.relu = true, .coded = &coded_between});
+      block.conv2.run(book, coded_between, level.rows,
+                      {.relu = true, .add_to_output = true, .coded = &level.coded});
     }
     cost.multiplications += block.conv1.multiplications(book) + block.conv2.multiplications(book);
     show(observer, stage.block_names[j] + ".conv1", level.sites, between);
@@ -163,8 +199,9 @@ VoxelNext::Level VoxelNext::run_stage(std::size_t index, Level& before,
   });
   const Rulebook& first = index == 0 ? blocks : opening;
   level.rows.reshape(level.sites.size(), stage.opening.out_channels());
-  timed(cost.convolution,
-        [&] { stage.opening.run(first, before.rows, level.rows, {.relu = true}); });
+  timed(cost.convolution, [&] {
+    stage.opening.run(first, before.coded, level.rows, {.relu = true, .coded = &level.coded});
+  });
   cost.multiplications += stage.opening.multiplications(first);
   cost.sites = level.sites.size();
   show(observer, stage.opening_name, level.sites, level.rows);
@@ -215,7 +252,7 @@ std::pair<SiteSet, FeatureRows> merge(const std::vector<Scaled>& levels) {
 }  // namespace
 
 VoxelNext::Neck VoxelNext::backbone(Voxels voxels, const NetworkObserver& observer) const {
-  Level level{std::move(voxels.sites), std::move(voxels.features)};
+  Level level{std::move(voxels.sites), {}, coded(by_sign(voxels.features))};
   std::vector<Level> merged;
   for (std::size_t i = 0; i < stages_.size(); ++i) {
     Level next = run_stage(i, i > kFirstMerged ? merged.back() : level, observer);
@@ -242,9 +279,14 @@ VoxelNext::Neck VoxelNext::backbone(Voxels voxels, const NetworkObserver& observ
   FeatureRows between;
   between.reshape(neck.cells.size(), neck_[0].out_channels());
   neck.features.reshape(neck.cells.size(), neck_[1].out_channels());
-  timed(cost.convolution, [&] { neck_[0].run(spread, sums, between, {.relu = true}); });
+  CodedRows coded_between;
+  timed(cost.convolution, [&] {
+    neck_[0].run(spread, coded(sums), between, {.relu = true, .coded = &coded_between});
+  });
   show(observer, "neck.out", neck.cells, between);
-  timed(cost.convolution, [&] { neck_[1].run(same, between, neck.features, {.relu = true}); });
+  timed(cost.convolution, [&] {
+    neck_[1].run(same, coded_between, neck.features, {.relu = true, .coded = &neck.coded});
+  });
   show(observer, "neck.shared", neck.cells, neck.features);
   cost.multiplications += neck_[0].multiplications(spread) + neck_[1].multiplications(same);
   cost.sites = neck.cells.size();
@@ -263,15 +305,16 @@ std::vector<HeadMaps> VoxelNext::heat_maps(const Neck& neck,
   const Rulebook same = Rulebook::identity(neck.cells.size());
   const SparseConvolution& first = heat_first_.front();
   FeatureRows between;
+  CodedRows coded_between;
   between.reshape(neck.cells.size(), first.out_channels());
-  timed(cost.convolution, [&] { first.run(book, neck.features, between, {.relu = true}); });
+  timed(cost.convolution,
+        [&] { first.run(book, neck.coded, between, {.relu = true, .coded = &coded_between}); });
   cost.multiplications += first.multiplications(book);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const SparseConvolution& last = heads_[h].heat;
     out[h].logits.reshape(neck.cells.size(), last.out_channels());
     timed(cost.convolution, [&] {
-      last.run(same, {between.data() + h * neck.features.channels(), between.stride()},
-               out[h].logits, {.relu = false});
+      last.run(same, {coded_between, h * neck.features.channels()}, out[h].logits, {.relu = false});
     });
     cost.multiplications += last.multiplications(same);
     show(observer, heads_[h].name + "hm.1", neck.cells, out[h].logits);
@@ -296,14 +339,17 @@ HeadBoxes VoxelNext::boxes(const Neck& neck, std::size_t head_index,
   });
   const Rulebook same = Rulebook::identity(out.cells.size());
   FeatureRows between;
+  CodedRows coded_between;
   between.reshape(out.cells.size(), head.first->out_channels());
-  timed(cost.convolution, [&] { head.first->run(book, neck.features, between, {.relu = true}); });
+  timed(cost.convolution, [&] {
+    head.first->run(book, neck.coded, between, {.relu = true, .coded = &coded_between});
+  });
   cost.multiplications += head.first->multiplications(book);
   for (std::size_t b = 0; b < head.branches.size(); ++b) {
     const SparseConvolution& last = head.branches[b].last;
     const std::size_t column = b * FeatureRows::kLine;
     timed(cost.convolution, [&] {
-      last.run(same, {between.data() + b * neck.features.channels(), between.stride()},
+      last.run(same, {coded_between, b * neck.features.channels()},
                {out.values.data() + column, out.values.stride()}, {.relu = false});
     });
     cost.multiplications += last.multiplications(same);

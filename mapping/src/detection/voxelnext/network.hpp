@@ -97,6 +97,7 @@ class VoxelNext {
     /// Cells of stage 4 seen from above, z = 0.
     SiteSet cells;
     FeatureRows features;
+    CodedRows coded;
   };
   /// From voxels to the features that all heads share.
   [[nodiscard]] Neck backbone(Voxels voxels, const NetworkObserver& observer = {}) const;
@@ -135,6 +136,7 @@ class VoxelNext {
   struct Level {
     SiteSet sites;
     FeatureRows rows;
+    CodedRows coded;
   };
 
   void run_blocks(const Stage& stage, Level& level, const Rulebook& book,

@@ -7,95 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-// Compiled once for each instruction set: counting bits is one instruction where there is one.
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "detection/voxelnext/rulebook.cpp"
-#include <hwy/foreach_target.h>
-#include <hwy/highway.h>
-
-HWY_BEFORE_NAMESPACE();
-namespace stillmap::mapping::HWY_NAMESPACE {
-
-/// Pairs of the kernel position `shift` cells from the middle, of one line of output cells with a
-/// line of input cells. @return the number of pairs.
-std::size_t match_lines(const SiteSet& sites, std::size_t out_line, std::size_t in_line, int shift,
-                        std::uint32_t* in, std::uint32_t* out) {
-  const std::uint64_t* bits = sites.bits();
-  const std::uint32_t* before = sites.before();
-  const std::size_t words = sites.words_in_line();
-  std::size_t count = 0;
-  for (std::size_t k = 0; k < words; ++k) {
-    const std::uint64_t active = bits[out_line + k];
-    if (active == 0) continue;
-    // Input cells moved to where they are asked for.
-    const std::uint64_t here = bits[in_line + k];
-    const std::uint64_t below = k > 0 ? bits[in_line + k - 1] : 0;
-    const std::uint64_t above = k + 1 < words ? bits[in_line + k + 1] : 0;
-    const auto by = static_cast<unsigned>(shift < 0 ? -shift : shift);
-    std::uint64_t moved = here;
-    // Number of the first input cell that a bit of `moved` can stand for.
-    std::uint32_t first_in = before[in_line + k];
-    if (shift < 0) {
-      moved = here << by | below >> (64 - by);
-      first_in -= static_cast<std::uint32_t>(__builtin_popcountll(below >> (64 - by)));
-    } else if (shift > 0) {
-      moved = here >> by | above << (64 - by);
-      first_in +=
-          static_cast<std::uint32_t>(__builtin_popcountll(here & ((std::uint64_t{1} << by) - 1)));
-    }
-    const std::uint32_t first_out = before[out_line + k];
-    for (std::uint64_t rest = active & moved; rest != 0; rest &= rest - 1) {
-      const std::uint64_t lower = (rest & (~rest + 1)) - 1;
-      in[count] = first_in + static_cast<std::uint32_t>(__builtin_popcountll(moved & lower));
-      out[count] = first_out + static_cast<std::uint32_t>(__builtin_popcountll(active & lower));
-      ++count;
-    }
-  }
-  return count;
-}
-
-std::size_t match_position(const SiteSet& sites, const Triple& shift, std::uint32_t* in,
-                           std::uint32_t* out) {
-  std::size_t count = 0;
-  for (const SiteSet::Line& line : sites.lines()) {
-    const int z = line.z + shift.z, y = line.y + shift.y;
-    if (z < 0 || z >= sites.grid().z || y < 0 || y >= sites.grid().y) continue;
-    count += match_lines(sites, sites.first_word(line.z, line.y), sites.first_word(z, y), shift.x,
-                         in + count, out + count);
-  }
-  return count;
-}
-
-/// Output cell numbers of one line for the input cells of another, under kernel position `kx`.
-std::size_t match_strided(const SiteSet& in_sites, const SiteSet::Line& line,
-                          const SiteSet& out_sites, std::size_t out_line, int offset_x,
-                          int stride_x, std::uint32_t* in, std::uint32_t* out) {
-  const std::uint64_t* bits = out_sites.bits() + out_line;
-  const std::uint32_t* before = out_sites.before() + out_line;
-  std::size_t count = 0;
-  for (std::uint32_t site = line.begin; site < line.end; ++site) {
-    const int scaled = in_sites[site].x + offset_x;
-    if (scaled < 0 || scaled % stride_x != 0) continue;
-    const int x = scaled / stride_x;
-    if (x >= out_sites.grid().x) continue;
-    const auto word = static_cast<std::size_t>(x) / 64;
-    const std::uint64_t bit = std::uint64_t{1} << (static_cast<unsigned>(x) % 64U);
-    if ((bits[word] & bit) == 0) continue;
-    in[count] = site;
-    out[count] =
-        before[word] + static_cast<std::uint32_t>(__builtin_popcountll(bits[word] & (bit - 1)));
-    ++count;
-  }
-  return count;
-}
-
-}  // namespace stillmap::mapping::HWY_NAMESPACE
-HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
 namespace stillmap::mapping {
-HWY_EXPORT(match_position);
-HWY_EXPORT(match_strided);
 
 namespace {
 
@@ -149,6 +61,52 @@ class LineReach {
   bool any_ = false;
 };
 
+/// Pairs of one kernel position.
+struct PairWriter {
+  std::uint32_t* in;
+  std::uint32_t* out;
+  std::size_t count;
+
+  void add(std::uint32_t in_row, std::uint32_t out_row) {
+    in[count] = in_row;
+    out[count++] = out_row;
+  }
+};
+
+/// Pairs of neighbouring kernel positions along x, whose first is `shift` from the middle.
+void match_rows(const SiteSet& sites, const Triple& shift, std::vector<PairWriter>& writers) {
+  const auto size = static_cast<int>(writers.size());
+  for (const SiteSet::Line& line : sites.lines()) {
+    const int z = line.z + shift.z, y = line.y + shift.y;
+    if (z < 0 || z >= sites.grid().z || y < 0 || y >= sites.grid().y) continue;
+    const SiteSet::Range other = sites.line(z, y);
+    std::uint32_t begin = other.begin;
+    for (std::uint32_t out = line.begin; out < line.end && begin < other.end; ++out) {
+      const int x = sites[out].x + shift.x;
+      while (begin < other.end && sites[begin].x < x) ++begin;
+      for (std::uint32_t in = begin; in < other.end && sites[in].x < x + size; ++in)
+        writers[static_cast<std::size_t>(sites[in].x - x)].add(in, out);
+    }
+  }
+}
+
+/// Pairs of a line of input cells with a line of output cells, of all kernel positions along x.
+void match_strided(const SiteSet& in_sites, const SiteSet::Line& line, const SiteSet& out_sites,
+                   const SiteSet::Range& out_line, int stride, std::vector<PairWriter>& writers) {
+  const int size = static_cast<int>(writers.size()), half = size / 2;
+  std::uint32_t begin = out_line.begin;
+  for (std::uint32_t in = line.begin; in < line.end && begin < out_line.end; ++in) {
+    // Output cell x has this one under its position `in.x + half - x * stride`.
+    const int most = in_sites[in].x + half;
+    while (begin < out_line.end && most - out_sites[begin].x * stride >= size) ++begin;
+    for (std::uint32_t out = begin; out < out_line.end; ++out) {
+      const int position = most - out_sites[out].x * stride;
+      if (position < 0) break;
+      writers[static_cast<std::size_t>(position)].add(in, out);
+    }
+  }
+}
+
 }  // namespace
 
 Rulebook::Indices Rulebook::ascending(std::size_t count) {
@@ -164,22 +122,26 @@ Rulebook Rulebook::submanifold(const SiteSet& sites, const Triple& kernel) {
   book.out_rows_ = sites.size();
   book.indices_.resize(2 * half + 1);
   book.lists_.resize(positions);
-  tbb::parallel_for(std::size_t{0}, half + 1, [&](std::size_t k) {
-    if (k == half) {
-      book.indices_[2 * half] = ascending(sites.size());
-      const std::uint32_t* same = book.indices_[2 * half].get();
-      book.lists_[half] = {same, same, sites.size()};
-      return;
+  book.indices_[2 * half] = ascending(sites.size());
+  const std::uint32_t* same = book.indices_[2 * half].get();
+  book.lists_[half] = {same, same, sites.size()};
+  // Kernel positions that differ in x alone are found in one walk along two lines.
+  const auto in_x = static_cast<std::size_t>(kernel.x);
+  tbb::parallel_for(std::size_t{0}, half / in_x + 1, [&](std::size_t row) {
+    std::vector<PairWriter> writers;
+    for (std::size_t k = row * in_x; k < std::min((row + 1) * in_x, half); ++k) {
+      Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+      in = room_for(sites.size());
+      out = room_for(sites.size());
+      writers.push_back({in.get(), out.get(), 0});
     }
-    const Triple at = position_of(static_cast<int>(k), kernel);
-    Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
-    in = room_for(sites.size());
-    out = room_for(sites.size());
-    const std::size_t count = HWY_DYNAMIC_DISPATCH(match_position)(
-        sites, {at.z - kernel.z / 2, at.y - kernel.y / 2, at.x - kernel.x / 2}, in.get(),
-        out.get());
-    book.lists_[k] = {in.get(), out.get(), count};
-    book.lists_[positions - 1 - k] = {out.get(), in.get(), count};
+    const Triple first = position_of(static_cast<int>(row * in_x), kernel);
+    match_rows(sites, {first.z - kernel.z / 2, first.y - kernel.y / 2, -(kernel.x / 2)}, writers);
+    for (std::size_t i = 0; i < writers.size(); ++i) {
+      const auto& [in, out, count] = writers[i];
+      book.lists_[row * in_x + i] = {in, out, count};
+      book.lists_[positions - 1 - row * in_x - i] = {out, in, count};
+    }
   });
   book.find_tiles();
   return book;
@@ -232,22 +194,24 @@ Rulebook Rulebook::strided(const SiteSet& in_sites, const SiteSet& out_sites, co
   book.out_rows_ = out_sites.size();
   book.indices_.resize(2 * positions);
   book.lists_.resize(positions);
-  tbb::parallel_for(std::size_t{0}, positions, [&](std::size_t k) {
-    const Triple at = position_of(static_cast<int>(k), kernel);
-    Indices &in = book.indices_[2 * k], &out = book.indices_[2 * k + 1];
+  const auto in_x = static_cast<std::size_t>(kernel.x);
+  tbb::parallel_for(std::size_t{0}, positions / in_x, [&](std::size_t row) {
     const std::size_t most = std::min(in_sites.size(), out_sites.size());
-    in = room_for(most);
-    out = room_for(most);
-    std::size_t count = 0;
+    std::vector<PairWriter> writers;
+    for (std::size_t k = row * in_x; k < (row + 1) * in_x; ++k) {
+      book.indices_[2 * k] = room_for(most);
+      book.indices_[2 * k + 1] = room_for(most);
+      writers.push_back({book.indices_[2 * k].get(), book.indices_[2 * k + 1].get(), 0});
+    }
+    const Triple at = position_of(static_cast<int>(row * in_x), kernel);
     for (const SiteSet::Line& line : in_sites.lines()) {
       const int z = output_of(line.z, at.z, kernel.z, stride.z);
       const int y = output_of(line.y, at.y, kernel.y, stride.y);
       if (z < 0 || z >= out_sites.grid().z || y < 0 || y >= out_sites.grid().y) continue;
-      count += HWY_DYNAMIC_DISPATCH(match_strided)(in_sites, line, out_sites,
-                                                   out_sites.first_word(z, y), kernel.x / 2 - at.x,
-                                                   stride.x, in.get() + count, out.get() + count);
+      match_strided(in_sites, line, out_sites, out_sites.line(z, y), stride.x, writers);
     }
-    book.lists_[k] = {in.get(), out.get(), count};
+    for (std::size_t i = 0; i < in_x; ++i)
+      book.lists_[row * in_x + i] = {writers[i].in, writers[i].out, writers[i].count};
   });
   book.find_tiles();
   return book;
@@ -316,4 +280,3 @@ SiteSet reached_by(const SiteSet& in, const Triple& kernel, const Triple& stride
 }
 
 }  // namespace stillmap::mapping
-#endif  // HWY_ONCE

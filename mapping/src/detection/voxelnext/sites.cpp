@@ -22,25 +22,31 @@ SiteSet::SiteSet(const Triple& grid) : grid_(grid) {
   }
   words_in_line_ = (static_cast<std::size_t>(grid.x) + 63) / 64;
   bits_.resize(first_word(0, grid.y));
-  before_.resize(bits_.size());
+  is_marked_.resize(line_of(0, grid.y));
+  before_ = std::make_unique_for_overwrite<std::uint32_t[]>(bits_.size());
 }
 
 void SiteSet::number_sites() {
   sites_.clear();
   lines_.clear();
-  std::size_t word = 0;
+  line_begin_.clear();
+  line_begin_.reserve(is_marked_.size() + 1);
   for (int y = 0; y < grid_.y; ++y) {
     for (int z = 0; z < grid_.z; ++z) {
       const auto begin = static_cast<std::uint32_t>(sites_.size());
-      for (std::size_t k = 0; k < words_in_line_; ++k, ++word) {
-        before_[word] = static_cast<std::uint32_t>(sites_.size());
-        for (std::uint64_t rest = bits_[word]; rest != 0; rest &= rest - 1)
+      line_begin_.push_back(begin);
+      if (is_marked_[line_of(z, y)] == 0) continue;
+      const std::size_t first = first_word(z, y);
+      for (std::size_t k = 0; k < words_in_line_; ++k) {
+        before_[first + k] = static_cast<std::uint32_t>(sites_.size());
+        for (std::uint64_t rest = bits_[first + k]; rest != 0; rest &= rest - 1)
           sites_.push_back({z, y, static_cast<int>(64 * k) + std::countr_zero(rest)});
       }
       const auto end = static_cast<std::uint32_t>(sites_.size());
       if (begin != end) lines_.push_back({z, y, begin, end});
     }
   }
+  line_begin_.push_back(static_cast<std::uint32_t>(sites_.size()));
 }
 
 std::uint32_t SiteSet::find(const Triple& cell) const {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -31,16 +32,26 @@ class SiteSet {
     std::uint32_t end = 0;
   };
 
+  /// Of numbers of cells.
+  struct Range {
+    std::uint32_t begin = 0;
+    std::uint32_t end = 0;
+  };
+
   SiteSet() = default;
   /// @throws std::invalid_argument for a grid without cells or with more than 2^29 of them.
   explicit SiteSet(const Triple& grid);
 
   /// Activates a cell, inside the grid. Numbers hold only after `number_sites`.
-  void mark(const Triple& cell) { bits_[word_of(cell)] |= bit_of(cell.x); }
+  void mark(const Triple& cell) {
+    bits_[word_of(cell)] |= bit_of(cell.x);
+    is_marked_[line_of(cell.z, cell.y)] = 1;
+  }
   /// Activates cells of a line along x inside the grid. @param words  `words_in_line` of them.
   void mark_line(int z, int y, const std::vector<std::uint64_t>& words) {
     std::uint64_t* line = &bits_[first_word(z, y)];
     for (std::size_t k = 0; k < words_in_line_; ++k) line[k] |= words[k];
+    is_marked_[line_of(z, y)] = 1;
   }
   /// Ends marking.
   void number_sites();
@@ -57,18 +68,21 @@ class SiteSet {
   /// Number of a cell; kNone when it is not active or outside.
   [[nodiscard]] std::uint32_t find(const Triple& cell) const;
 
-  // For those who walk over whole words.
-  [[nodiscard]] std::size_t words_in_line() const { return words_in_line_; }
-  [[nodiscard]] std::size_t first_word(int z, int y) const {
-    return (static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.z) +
-            static_cast<std::size_t>(z)) *
-           words_in_line_;
+  /// Active cells of a line along x, inside the grid.
+  [[nodiscard]] Range line(int z, int y) const {
+    const std::size_t line = line_of(z, y);
+    return {line_begin_[line], line_begin_[line + 1]};
   }
-  [[nodiscard]] const std::uint64_t* bits() const { return bits_.data(); }
-  /// Active cells before a word.
-  [[nodiscard]] const std::uint32_t* before() const { return before_.data(); }
+  [[nodiscard]] std::size_t words_in_line() const { return words_in_line_; }
 
  private:
+  [[nodiscard]] std::size_t line_of(int z, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.z) +
+           static_cast<std::size_t>(z);
+  }
+  [[nodiscard]] std::size_t first_word(int z, int y) const {
+    return line_of(z, y) * words_in_line_;
+  }
   [[nodiscard]] std::size_t word_of(const Triple& cell) const {
     return first_word(cell.z, cell.y) + static_cast<std::size_t>(cell.x) / 64;
   }
@@ -79,7 +93,12 @@ class SiteSet {
   Triple grid_;
   std::size_t words_in_line_ = 0;
   std::vector<std::uint64_t> bits_;
-  std::vector<std::uint32_t> before_;
+  /// By line: whether it may have active cells.
+  std::vector<std::uint8_t> is_marked_;
+  /// By line: active cells before it; at the end all.
+  std::vector<std::uint32_t> line_begin_;
+  /// Active cells before each word of the marked lines.
+  std::unique_ptr<std::uint32_t[]> before_;
   std::vector<Triple> sites_;
   std::vector<Line> lines_;
 };

@@ -5,6 +5,7 @@
 #include "detection/voxelnext/weights.hpp"
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -16,15 +17,17 @@ struct ConvolutionEnd {
   /// The output's rows hold something to which the sums are added (the other way through a residual
   /// block); else they start from the bias alone.
   bool add_to_output = false;
+  /// The output once more, as the next convolution takes it.
+  CodedRows* coded = nullptr;
 };
 
-/// Rows of a feature matrix, of which a convolution may use some columns.
-struct ConstRows {
-  ConstRows(const FeatureRows& rows) : first(rows.data()), stride(rows.stride()) {}
-  ConstRows(const float* first_value, std::size_t floats_to_next)
-      : first(first_value), stride(floats_to_next) {}
-  const float* first = nullptr;
+/// Coded rows, of which a convolution may use some columns.
+struct CodedColumns {
+  CodedColumns(const CodedRows& rows, std::size_t first_column = 0)
+      : first(rows.codes.get() + first_column), stride(rows.stride), steps(rows.steps.get()) {}
+  const std::uint8_t* first = nullptr;
   std::size_t stride = 0;
+  const float* steps = nullptr;
 };
 struct Rows {
   Rows(FeatureRows& rows) : first(rows.data()), stride(rows.stride()) {}
@@ -35,12 +38,19 @@ struct Rows {
   std::size_t stride = 0;
 };
 
+/// Codes rows for a convolution; what is negative becomes 0.
+[[nodiscard]] CodedRows coded(const FeatureRows& rows);
+
 /// A convolution ready to be run: weights in the order in which they are read.
 ///
 /// No rows are gathered or scattered: for each kernel position, some pairs of rows at a time keep
-/// their output channels in registers, and each input channel is broadcast onto a row of weights.
-/// Each output row is summed over kernel positions and input channels in one fixed order, so that
-/// its bits depend on nothing but its inputs: not on threads, nor on the rows worked on beside it.
+/// their output channels in registers, and each four input channels are broadcast onto four rows of
+/// weights. Features (CodedRows) and weights (-63 to 63 times a step, one for each output channel)
+/// are integers of a byte, whose products are summed up in integers that do not overflow, on one
+/// kernel position. Sums of kernel positions are floats, added in one fixed order. So bits depend
+/// on nothing but the inputs: not on threads, nor on the rows worked on beside them, nor on the
+/// instruction set. Steps by row and by channel are what makes a byte enough: average precision is
+/// that of floats (mapping/decisions/features_are_bytes.md).
 class SparseConvolution {
  public:
   /// Outputs of several convolutions of the same input, one after the other. All have the same
@@ -55,10 +65,11 @@ class SparseConvolution {
   [[nodiscard]] std::size_t out_channels() const { return out_channels_; }
 
   /// Runs over all output rows on the threads of the caller's arena.
-  /// @param in   rows for each input cell of `book`, at least `in_channels` wide.
+  /// @param in   rows for each input cell of `book`, at least `in_channels` wide filled up to whole
+  /// groups of eight, times 0.
   /// @param out  rows for each output cell, `out_channels` wide filled up to whole lines, which
   /// become 0; not the input.
-  void run(const Rulebook& book, ConstRows in, Rows out, const ConvolutionEnd& end) const;
+  void run(const Rulebook& book, CodedColumns in, Rows out, const ConvolutionEnd& end) const;
 
   /// Multiplications that `run` needs.
   [[nodiscard]] double multiplications(const Rulebook& book) const {
@@ -67,13 +78,28 @@ class SparseConvolution {
   }
 
  private:
+  struct Panel {
+    std::size_t begin;
+    std::size_t width;
+  };
+
+  /// Of eight input channels.
+  [[nodiscard]] std::size_t groups() const;
+  /// Codes of one kernel position and panel begin here in `weight_`.
+  [[nodiscard]] std::size_t weights_of(std::size_t position, std::size_t panel_begin) const;
+  /// Takes the weights of one output channel, which stands in `column` of all.
+  void code_channel(const Convolution& part, std::size_t channel, const Panel& panel,
+                    std::size_t column);
+
   std::size_t kernel_volume_ = 0;
   std::size_t in_channels_ = 0;
   std::size_t out_channels_ = 0;
   /// Output columns that are in registers together, in floats; whole lines.
   std::vector<std::size_t> panels_;
-  /// [kernel position][panel][input channel][panel's columns]
-  FeatureRows weight_;
+  /// [kernel position][panel][four input channels][panel's columns][of the four]
+  RowsOf<std::int8_t> weight_;
+  /// Of each output channel's weights.
+  FeatureRows weight_step_;
   FeatureRows bias_;
 };
 
