@@ -62,7 +62,8 @@ struct Record {
   }
 };
 
-using Weights = std::array<float, 64>;
+constexpr int kMostRays = 63;
+using Weights = std::array<float, kMostRays + 1>;
 
 /// By the number of rays.
 Weights free_weights() {
@@ -97,27 +98,36 @@ void add_free(Record& record, const Keyframe& keyframe, float seen) {
     record.best_timed_run = std::max(record.best_timed_run, record.timed_run);
 }
 
-void add(Record& record, const Look& look, const Keyframe& keyframe, const Weights& weights) {
+/// What a view says about a cell, in a byte: nothing, hit, mixed, or free with so many rays.
+enum : std::uint8_t { kNothing = 0, kHit = 1, kMixed = 2, kFreeFrom = 3 };
+
+std::uint8_t byte_of(const Look& look) {
   switch (look.sight) {
     case Sight::kUnknown:
     case Sight::kHidden:
-      return;
+      return kNothing;
     case Sight::kHit:
-      record.run = 0.0F;
-      record.hits += keyframe.weight;
-      if (record.passes == 0 || keyframe.place > record.last_hit_place + kPassPlaces)
-        ++record.passes;
-      record.last_hit_place = keyframe.place;
-      add_spoken(record, keyframe, 1.0F);
-      return;
+      return kHit;
     case Sight::kMixed:
-      add_spoken(record, keyframe, 1.0F);
-      return;
-    case Sight::kFree: {
-      const auto rays = std::min(static_cast<std::size_t>(look.rays), weights.size() - 1);
-      add_free(record, keyframe, weights[rays]);
-      return;
-    }
+      return kMixed;
+    case Sight::kFree:
+      return static_cast<std::uint8_t>(kFreeFrom + std::min(look.rays, kMostRays));
+  }
+  return kNothing;
+}
+
+void add(Record& record, std::uint8_t said, const Keyframe& keyframe, const Weights& weights) {
+  if (said == kNothing) return;
+  if (said == kHit) {
+    record.run = 0.0F;
+    record.hits += keyframe.weight;
+    if (record.passes == 0 || keyframe.place > record.last_hit_place + kPassPlaces) ++record.passes;
+    record.last_hit_place = keyframe.place;
+    add_spoken(record, keyframe, 1.0F);
+  } else if (said == kMixed) {
+    add_spoken(record, keyframe, 1.0F);
+  } else {
+    add_free(record, keyframe, weights[said - kFreeFrom]);
   }
 }
 
@@ -127,29 +137,26 @@ struct Asker {
   float radius_m;
   const PosedViews& views;
 
-  /// @param cells  numbers in `positions`. @return a record a cell.
-  [[nodiscard]] std::vector<Record> ask(std::span<const std::uint32_t> cells,
-                                        std::span<const Keyframe> keyframes) const {
-    static const Weights weights = free_weights();
-    std::vector<Record> records(cells.size());
-    Eigen::AlignedBox3f bounds;
-    for (const std::uint32_t i : cells) bounds.extend(positions[i]);
-    for (const Keyframe& keyframe : keyframes) {
-      const Eigen::Isometry3d& T = views.T_local_lidar[keyframe.scan];
-      const Eigen::Vector3f sensor = T.translation().cast<float>();
-      if (!(bounds.squaredExteriorDistance(sensor) < kViewReachM * kViewReachM)) continue;
-      const std::shared_ptr<const RangeView> view = views.read(keyframe.scan);
-      const Eigen::Isometry3f T_lidar_local = T.inverse().cast<float>();
-      const maps::PoseDisagreement doubt =
-          views.doubts.empty() ? maps::PoseDisagreement{} : views.doubts[keyframe.scan];
-      for (std::size_t k = 0; k < cells.size(); ++k) {
-        const Eigen::Vector3f p = T_lidar_local * positions[cells[k]];
-        const float range2 = p.squaredNorm();
-        if (range2 > kViewReachM * kViewReachM || range2 < kNearestM * kNearestM) continue;
-        add(records[k], view->look(p, radius_m, doubt.at(std::sqrt(range2))), keyframe, weights);
-      }
+  /// What a view says about each of some cells; nothing at all when it is too far from all of them.
+  /// @param cells  numbers in `positions`. @param bounds  of their positions.
+  [[nodiscard]] std::vector<std::uint8_t> ask(std::span<const std::uint32_t> cells,
+                                              const Eigen::AlignedBox3f& bounds,
+                                              std::size_t scan) const {
+    const Eigen::Isometry3d& T = views.T_local_lidar[scan];
+    const Eigen::Vector3f sensor = T.translation().cast<float>();
+    if (!(bounds.squaredExteriorDistance(sensor) < kViewReachM * kViewReachM)) return {};
+    std::vector<std::uint8_t> said(cells.size(), kNothing);
+    const std::shared_ptr<const RangeView> view = views.read(scan);
+    const Eigen::Isometry3f T_lidar_local = T.inverse().cast<float>();
+    const maps::PoseDisagreement doubt =
+        views.doubts.empty() ? maps::PoseDisagreement{} : views.doubts[scan];
+    for (std::size_t k = 0; k < cells.size(); ++k) {
+      const Eigen::Vector3f p = T_lidar_local * positions[cells[k]];
+      const float range2 = p.squaredNorm();
+      if (range2 > kViewReachM * kViewReachM || range2 < kNearestM * kNearestM) continue;
+      said[k] = byte_of(view->look(p, radius_m, doubt.at(std::sqrt(range2))));
     }
-    return records;
+    return said;
   }
 };
 
@@ -181,22 +188,44 @@ std::vector<Keyframe> select_keyframes(std::span<const Eigen::Isometry3d> T_loca
 std::vector<FreeEvidence> find_free_evidence(std::span<const Eigen::Vector3f> positions,
                                              float radius_m, const PosedViews& views,
                                              std::span<const Keyframe> keyframes) {
+  static const Weights weights = free_weights();
   std::vector<FreeEvidence> evidence(positions.size());
-  std::vector<std::uint32_t> open(positions.size());
-  std::iota(open.begin(), open.end(), 0U);
+  std::vector<std::uint32_t> cells(positions.size());
+  std::iota(cells.begin(), cells.end(), 0U);
+  Eigen::AlignedBox3f bounds;
+  for (const Eigen::Vector3f& p : positions) bounds.extend(p);
   const Asker asker{positions, radius_m, views};
-  std::vector<Keyframe> few;
-  for (std::size_t k = 0; k < keyframes.size(); k += kFirstStep) few.push_back(keyframes[k]);
-  std::vector<Record> records = asker.ask(open, few);
-  std::vector<std::uint32_t> doubtful;
-  for (std::size_t i = 0; i < open.size(); ++i) {
-    const bool stays = records[i].hits >= kSurelyHit && !records[i].ever_free;
-    if (stays) evidence[i].hits = kFirstStep * records[i].hits;
-    if (!stays) doubtful.push_back(open[i]);
+  std::vector<Record> records(cells.size());
+  // By every fourth view; empty for those that say nothing.
+  std::vector<std::vector<std::uint8_t>> said_first;
+  for (std::size_t k = 0; k < keyframes.size(); k += kFirstStep) {
+    const auto& said = said_first.emplace_back(asker.ask(cells, bounds, keyframes[k].scan));
+    for (std::size_t i = 0; i < said.size(); ++i) add(records[i], said[i], keyframes[k], weights);
   }
-  records = asker.ask(doubtful, keyframes);
-  for (std::size_t k = 0; k < doubtful.size(); ++k)
-    evidence[doubtful[k]] = {records[k].score(), records[k].hits};
+  std::vector<std::uint32_t> doubtful;
+  Eigen::AlignedBox3f doubtful_bounds;
+  for (const std::uint32_t i : cells) {
+    if (records[i].hits >= kSurelyHit && !records[i].ever_free) {
+      evidence[i].hits = kFirstStep * records[i].hits;
+    } else {
+      doubtful.push_back(i);
+      doubtful_bounds.extend(positions[i]);
+    }
+  }
+  records.assign(doubtful.size(), {});
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    if (k % kFirstStep == 0) {
+      const std::vector<std::uint8_t>& said = said_first[k / kFirstStep];
+      for (std::size_t i = 0; i < records.size() && !said.empty(); ++i)
+        add(records[i], said[doubtful[i]], keyframes[k], weights);
+    } else {
+      const std::vector<std::uint8_t> said =
+          asker.ask(doubtful, doubtful_bounds, keyframes[k].scan);
+      for (std::size_t i = 0; i < said.size(); ++i) add(records[i], said[i], keyframes[k], weights);
+    }
+  }
+  for (std::size_t i = 0; i < doubtful.size(); ++i)
+    evidence[doubtful[i]] = {records[i].score(), records[i].hits};
   return evidence;
 }
 

@@ -2,6 +2,7 @@
 
 #include "cleaning/buried_points.hpp"
 #include "cleaning/unconfirmed_points.hpp"
+#include "core/ordered_pipeline.hpp"
 #include "fusion/box_frames.hpp"
 #include "pipeline/boxes_files.hpp"
 #include "views/weather_returns.hpp"
@@ -205,30 +206,48 @@ std::vector<std::size_t> ScanWork::scans_to_learn_from(const DriveSet& drives) {
 }
 
 void ScanWork::learn(const CancelFlag& cancel) {
-  Counts unused;
-  for (const std::size_t ordinal : ground_samples(drives_)) {
-    if (cancel) throw Cancelled();
-    maps::Scan scan = drives_.read(ordinal, unused);
+  const auto read_dry = [this](std::size_t number) {
+    Counts unused;
+    maps::Scan scan = drives_.read(number, unused);
     take_out_weather(scan);
-    if (!scan.cloud.empty()) grounds_[drives_.place(ordinal).drive]->learn(scan.cloud);
-  }
+    return scan;
+  };
+  const std::vector<std::size_t> of_ground = ground_samples(drives_);
+  std::size_t learned = 0;
+  process_in_order(
+      of_ground.size(), options_.threads, [&](std::size_t i) { return read_dry(of_ground[i]); },
+      [&](const maps::Scan& scan) {
+        const std::size_t drive = drives_.place(of_ground[learned++]).drive;
+        if (!scan.cloud.empty()) grounds_[drive]->learn(scan.cloud);
+      },
+      cancel);
+  auto of_vehicle = vehicle_samples(drives_);
+  std::erase_if(of_vehicle, [&](const auto& scans) {
+    return drives_.note(scans.first) == ScanNote::kHidden ||
+           drives_.note(scans.second) == ScanNote::kHidden;
+  });
   std::vector<std::vector<OwnVehicle::Sample>> samples(drives_.drives().size());
-  for (const auto& [number, before] : vehicle_samples(drives_)) {
-    if (cancel) throw Cancelled();
-    if (drives_.note(number) == ScanNote::kHidden || drives_.note(before) == ScanNote::kHidden)
-      continue;
-    maps::Scan scan = drives_.read(number, unused), earlier = drives_.read(before, unused);
-    for (maps::Scan* each : {&scan, &earlier}) take_out_weather(*each);
-    const GroundSegmenter& ground = ground_of(number);
-    const std::vector<std::uint8_t> is_ground = ground.segment(scan.cloud).is_ground;
-    std::vector<Eigen::Vector3f> standing;
-    for (std::size_t i = 0; i < is_ground.size(); ++i) {
-      if (is_ground[i] == 0) standing.push_back(scan.cloud.positions[i]);
-    }
-    samples[drives_.place(number).drive].push_back(
-        {std::move(standing), RangeView(earlier.cloud, ground.segment(earlier.cloud).is_ground),
-         drives_.T_map_scan(before).inverse() * drives_.T_map_scan(number)});
-  }
+  std::size_t taken = 0;
+  process_in_order(
+      of_vehicle.size(), options_.threads,
+      [&](std::size_t i) {
+        const auto [number, before] = of_vehicle[i];
+        const maps::Scan scan = read_dry(number), earlier = read_dry(before);
+        const GroundSegmenter& ground = ground_of(number);
+        const std::vector<std::uint8_t> is_ground = ground.segment(scan.cloud).is_ground;
+        std::vector<Eigen::Vector3f> standing;
+        for (std::size_t k = 0; k < is_ground.size(); ++k) {
+          if (is_ground[k] == 0) standing.push_back(scan.cloud.positions[k]);
+        }
+        return OwnVehicle::Sample{
+            std::move(standing), RangeView(earlier.cloud, ground.segment(earlier.cloud).is_ground),
+            drives_.T_map_scan(before).inverse() * drives_.T_map_scan(number)};
+      },
+      [&](OwnVehicle::Sample sample) {
+        const std::size_t drive = drives_.place(of_vehicle[taken++].first).drive;
+        samples[drive].push_back(std::move(sample));
+      },
+      cancel);
   for (const auto& each : samples) vehicles_.emplace_back(each);
 }
 

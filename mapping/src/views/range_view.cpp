@@ -56,8 +56,10 @@ struct Window {
   int row_begin, row_end, column_begin, column_end;
 };
 
+}  // namespace
+
 /// A direction in units of bins.
-struct Aim {
+struct RangeView::Aim {
   float row, column;
   /// How many columns a row's height is wide: more towards the poles. Near one, a wide piece of
   /// the circle does as well as all of it, since what matters is at street level.
@@ -66,7 +68,7 @@ struct Aim {
   Aim(const Eigen::Vector3f& p, float range_m) {
     constexpr float kHalfTurn = std::numbers::pi_v<float>;
     const float flat_m = std::sqrt(p.x() * p.x() + p.y() * p.y());
-    row = (ViewGrid::angle(p.z(), flat_m) + 0.5F * kHalfTurn) * (1.0F / ViewGrid::kRowRad);
+    row = (maps::fast_angle(p.z(), flat_m) + 0.5F * kHalfTurn) * (1.0F / ViewGrid::kRowRad);
     // A turn more keeps it above zero, so that truncation rounds down.
     column = (ViewGrid::azimuth(p) + 3.0F * kHalfTurn) * (1.0F / ViewGrid::kColumnRad);
     columns_per_row = std::min(range_m, 20.0F * flat_m) / std::max(flat_m, 0.05F * range_m);
@@ -80,8 +82,6 @@ struct Aim {
             static_cast<int>(column + columns) + 1};
   }
 };
-
-}  // namespace
 
 RangeView::RangeView(std::span<const Eigen::Vector3f> positions,
                      std::span<const std::uint8_t> is_ground) {
@@ -132,19 +132,30 @@ RangeView::RangeView(const maps::PointCloud& cloud, std::span<const std::uint8_t
   }
 }
 
-bool RangeView::any_near(const Eigen::Vector3f& p, float radius_m, float doubt_m) const {
-  const float range_m = p.norm();
+/// Whether a return from anything but the ground lies within some decimetres of a cell.
+/// @param aim  at the cell, at this range.
+bool RangeView::any_near(const Aim& aim, float range_m, float radius_m, float doubt_m) const {
   const float wander_m = std::max(kWanderM, kDoubts * doubt_m);
   const float beyond_m = kBeyondM + kBeyondPerM * range_m;
   const Window around =
-      Aim(p, range_m).cone((radius_m + wander_m) / range_m + kGuardRad, first_row_, end_row());
+      aim.cone((radius_m + wander_m) / range_m + kGuardRad, first_row_, end_row());
   const auto before = static_cast<int>((range_m - beyond_m - wander_m) / kQuantumM);
   const auto after = static_cast<int>((range_m + beyond_m + wander_m) / kQuantumM);
+  const auto low = static_cast<std::uint32_t>(std::max(before, 0));
+  const std::uint32_t most = static_cast<std::uint32_t>(std::min(after, kNone - 1)) - low;
+  // All bins of a piece of a row, since that is several at once.
+  const auto any_in = [&](const Bin* bins, int count) {
+    std::uint32_t any = 0;
+    for (int i = 0; i < count; ++i) any |= std::uint32_t{bins[i].nearest} - low <= most ? 1U : 0U;
+    return any != 0;
+  };
+  const int begin = ViewGrid::wrapped(around.column_begin);
+  const int end = begin + std::min(around.column_end - around.column_begin, ViewGrid::kColumns);
   for (int row = around.row_begin; row < around.row_end; ++row) {
-    for (int column = around.column_begin; column < around.column_end; ++column) {
-      const Bin& b = bin(row, column);
-      if (b.nearest != kNone && b.nearest >= before && b.nearest <= after) return true;
-    }
+    const Bin* bins = &bin(row, 0);
+    if (any_in(bins + begin, std::min(end, ViewGrid::kColumns) - begin) ||
+        any_in(bins, std::max(0, end - ViewGrid::kColumns)))
+      return true;
   }
   return false;
 }
@@ -183,7 +194,7 @@ Look RangeView::own_look(const Eigen::Vector3f& p, float radius_m, float doubt_m
     }
   }
   // Says nothing either way: against the cell it would shield all that moves along a wall.
-  if (any_near(p, radius_m, doubt_m)) return {};
+  if (any_near(aim, range_m, radius_m, doubt_m)) return {};
   return {Sight::kFree, rays};
 }
 

@@ -87,6 +87,7 @@ class RangeView {
   };
   static constexpr std::uint16_t kNone = 0xFFFF;
   static constexpr float kQuantumM = 0.01F;
+  struct Aim;
 
   RangeView() = default;
   /// As the public ones, of this lidar alone.
@@ -95,8 +96,7 @@ class RangeView {
   void add_bytes(std::string& bytes) const;
   /// @param at  where the bytes of one lidar begin; where they end, afterwards.
   [[nodiscard]] static RangeView one_from_bytes(std::string_view bytes, std::size_t& at);
-  /// Whether a return from anything but the ground lies within some decimetres of a cell.
-  [[nodiscard]] bool any_near(const Eigen::Vector3f& p, float radius_m, float doubt_m) const;
+  [[nodiscard]] bool any_near(const Aim& aim, float range_m, float radius_m, float doubt_m) const;
   [[nodiscard]] const Bin& bin(int row, int column) const {
     return bins_[static_cast<std::size_t>((row - first_row_) * ViewGrid::kColumns +
                                           ViewGrid::wrapped(column))];

@@ -12,8 +12,8 @@ namespace stillmap::mapping {
 namespace {
 
 /// Views held in memory, some 0.3 MiB each: what several threads at neighbouring places of a map
-/// ask for.
-constexpr std::size_t kCachedViews = 32;
+/// ask for. A tile asks for all views of some 110 m of way, one after the other.
+constexpr std::size_t kCachedViews = 160;
 
 }  // namespace
 

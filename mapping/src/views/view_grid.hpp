@@ -1,5 +1,7 @@
 #pragma once
 
+#include <stillmap/maps/fast_angle.hpp>
+
 #include <Eigen/Core>
 
 #include <algorithm>
@@ -19,27 +21,11 @@ struct ViewGrid {
   static constexpr float kColumnRad = 2.0F * std::numbers::pi_v<float> / kColumns;
   static constexpr float kRowRad = std::numbers::pi_v<float> / kRows;
 
-  /// atan2 within 2e-5 rad: 0.3 % of a bin, several times as fast as the library's, and the same
-  /// bits everywhere.
-  /// @see Hastings, "Approximations for Digital Computers", 1955, sheet 11 (odd polynomial).
-  [[nodiscard]] static float angle(float y, float x) {
-    const float ax = std::abs(x), ay = std::abs(y);
-    const float larger = std::max(ax, ay);
-    if (!(larger > 0.0F)) return 0.0F;
-    const float t = std::min(ax, ay) / larger;
-    const float s = t * t;
-    float a =
-        t * (0.99997726F +
-             s * (-0.33262347F +
-                  s * (0.19354346F + s * (-0.11643287F + s * (0.05265332F - s * 0.01172120F)))));
-    if (ay > ax) a = 0.5F * std::numbers::pi_v<float> - a;
-    if (x < 0.0F) a = std::numbers::pi_v<float> - a;
-    return y < 0.0F ? -a : a;
+  [[nodiscard]] static float azimuth(const Eigen::Vector3f& p) {
+    return maps::fast_angle(p.y(), p.x());
   }
-
-  [[nodiscard]] static float azimuth(const Eigen::Vector3f& p) { return angle(p.y(), p.x()); }
   [[nodiscard]] static float elevation(const Eigen::Vector3f& p) {
-    return angle(p.z(), std::sqrt(p.x() * p.x() + p.y() * p.y()));
+    return maps::fast_angle(p.z(), std::sqrt(p.x() * p.x() + p.y() * p.y()));
   }
 
   /// Column before wrapping; may be negative or beyond the last.
