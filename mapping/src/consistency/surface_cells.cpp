@@ -133,7 +133,7 @@ std::vector<double> entropies_of(const std::vector<SurfacePoint>& points, double
 void measure_thickness(const WeightedMoments& moments, SurfaceCell& cell) {
   const double count = moments.effective_count();
   if (!(count >= kLeastSurfacePoints)) return;
-  const maps::SymmetricEigen<3> eigen = maps::eigen_of(moments.covariance());
+  const maps::SymmetricEigen<3> eigen = maps::eigen_directly_of(moments.covariance());
   // A fitted plane takes three degrees of freedom from the residuals.
   const double across_m = std::sqrt(std::max(0.0, eigen.values[0]) * count / (count - 3.0));
   const double along_m = std::sqrt(std::max(0.0, eigen.values[1]));

@@ -1,5 +1,6 @@
 #include <stillmap/maps/drive.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/fast_angle.hpp>
 #include <stillmap/maps/imu.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/pose_file.hpp>
@@ -90,7 +91,7 @@ void set_spin_times(PointCloud& cloud, const std::array<double, 2>& start_end_s)
   const auto start_per_rad = static_cast<float>(start_end_s[0] / std::numbers::pi);
   const auto end_per_rad = static_cast<float>(start_end_s[1] / std::numbers::pi);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const float azimuth_rad = std::atan2(cloud.positions[i].y(), cloud.positions[i].x());
+    const float azimuth_rad = fast_angle(cloud.positions[i].y(), cloud.positions[i].x());
     cloud.time_offsets_s[i] = azimuth_rad * (azimuth_rad > 0.0F ? start_per_rad : -end_per_rad);
   }
 }
