@@ -47,6 +47,7 @@ struct Arguments {
   std::uint64_t seed = 1;
   int day = 1;
   std::optional<double> parked;
+  bool busy = false;
   std::size_t scans = 50, stride = 8;
 };
 
@@ -136,6 +137,7 @@ void run(const Arguments& arguments) {
                               .seed = arguments.seed,
                               .day = arguments.day,
                               .parked_share = arguments.parked,
+                              .busy = arguments.busy,
                               .duration_s = properties.period_s * static_cast<double>(span),
                               .reach_m = std::min(properties.max_range_m, 100.0)});
   const simulation::EgoMotion ego(world, properties.height_m);
@@ -170,6 +172,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", arguments.seed, "World");
   app.add_option("--day", arguments.day, "Parked vehicles and traffic");
   app.add_option("--parked", arguments.parked, "Share of the parking places taken");
+  app.add_flag("--busy", arguments.busy, "Many two-wheelers and people, and what looks like them");
   app.add_option("--scans", arguments.scans, "Scans to take")->check(CLI::Range(1, 10'000));
   app.add_option("--stride", arguments.stride, "Of the drive's scans, each STRIDE-th")
       ->check(CLI::Range(1, 1000));

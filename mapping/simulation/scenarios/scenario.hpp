@@ -99,6 +99,11 @@ void furnish_depot(Scenery& scenery, const Plan& plan, const WorldSpec& spec);
 void park_vehicles(World& world, const Plan& plan, const WorldSpec& spec);
 void add_traffic(World& world, const WorldSpec& spec, std::vector<Driven> driven);
 void add_walkers(World& world, const Plan& plan, const WorldSpec& spec);
+/// WorldSpec::busy: more two-wheelers and people in a plan; parked ones, groups and who crosses the
+/// road; things by the kerb that look like them or like cars.
+void make_busy(Plan& plan);
+void add_crowd(World& world, const Plan& plan, const WorldSpec& spec);
+void add_lookalikes(Scenery& scenery, const Plan& plan);
 /// Bodies of this day, drawn once and used by many actors.
 class BodyStock {
  public:

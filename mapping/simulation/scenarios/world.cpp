@@ -53,6 +53,7 @@ void furnish(World& world, const Plan& plan, const WorldSpec& spec) {
   } else {
     furnish_depot(scenery, plan, spec);
   }
+  if (spec.busy) add_lookalikes(scenery, plan);
 }
 
 /// The same vehicle in every world: an estate of the measures of KITTI's (4.77 x 1.82 m, and 1.46 m
@@ -82,6 +83,7 @@ bool is_scenario(const std::string& name) {
 World make_world(const WorldSpec& spec) {
   Plan plan = plan_of(spec);
   if (spec.parked_share) plan.parked_share = *spec.parked_share;
+  if (spec.busy) make_busy(plan);
   std::vector<Driven> driven = drive_traffic(*plan.network, plan.own_route, plan.traffic,
                                              {.duration_s = spec.duration_s,
                                               .key = day_key(spec, Stream::kTraffic),
@@ -102,6 +104,7 @@ World make_world(const WorldSpec& spec) {
   furnish(world, plan, spec);
   world.own_body = make_own_body();
   park_vehicles(world, plan, spec);
+  if (spec.busy) add_crowd(world, plan, spec);
   if (spec.standing) {
     std::erase_if(world.actors, [own = world.own_motion.point(0.0)](const Actor& actor) {
       return (actor.T_world_body.translation().head<2>() - own).norm() < kOwnRoomM;

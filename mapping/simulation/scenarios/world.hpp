@@ -77,6 +77,9 @@ struct WorldSpec {
   bool change = false;
   /// Share of the parking places along the roads that are taken; none = the scenario's own.
   std::optional<double> parked_share = std::nullopt;
+  /// Many more two-wheelers and people, and more things by the kerb that look like them: for
+  /// training.
+  bool busy = false;
   double duration_s = 10.0;
   /// Our vehicle stands beside the lane that it would drive on, at one pose.
   bool standing = false;
