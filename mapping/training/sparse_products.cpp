@@ -16,7 +16,13 @@
 
 namespace {
 
-constexpr int kLanes = 16;
+/// Floats of a register, and the most registers beside each other: with 6 rows of them the sums
+/// stay in registers. A vector wider than a register would live in memory.
+#ifdef __AVX512F__
+constexpr int kLanes = 16, kMost = 4;
+#else
+constexpr int kLanes = 8, kMost = 2;
+#endif
 constexpr int kRows = 6;
 using Vector = float __attribute__((vector_size(kLanes * sizeof(float)), aligned(4), may_alias));
 
@@ -63,9 +69,9 @@ void multiply_pairs(const float* in, int in_channels, const float* weight, int o
     const int vectors = (out_channels - column) / kLanes;
     const float* w = weight + column;
     float* o = out + column;
-    if (vectors >= 4) {
-      multiply_columns<4>(in, in_channels, w, out_channels, pi, po, n, o);
-      column += 4 * kLanes;
+    if (vectors >= kMost) {
+      multiply_columns<kMost>(in, in_channels, w, out_channels, pi, po, n, o);
+      column += kMost * kLanes;
     } else if (vectors >= 2) {
       multiply_columns<2>(in, in_channels, w, out_channels, pi, po, n, o);
       column += 2 * kLanes;
@@ -146,10 +152,10 @@ void sparse_weight_gradient(const float* in, int in_channels, const float* gradi
     const std::ptrdiff_t n = first[k + 1] - first[k];
     for (int column = 0; column < out_channels;) {
       const int vectors = (out_channels - column) / kLanes;
-      if (vectors >= 4) {
-        accumulate_columns<4>(in, in_channels, gradient + column, out_channels, pi, po, n,
-                              w + column);
-        column += 4 * kLanes;
+      if (vectors >= kMost) {
+        accumulate_columns<kMost>(in, in_channels, gradient + column, out_channels, pi, po, n,
+                                  w + column);
+        column += kMost * kLanes;
       } else {
         accumulate_columns<1>(in, in_channels, gradient + column, out_channels, pi, po, n,
                               w + column);
