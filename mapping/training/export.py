@@ -12,6 +12,7 @@ head with IoU; a as CIA-SSD has it), scale, shift and a by maximum likelihood.
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import argparse
 import json

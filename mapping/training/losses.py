@@ -1,7 +1,8 @@
 """What the network should say, and how far from it it is (paper, section 3.2; CenterPoint for the
 heat map). Departures: an object's size and heading are learned at every site near its centre, not
-at the nearest alone; a heading that is half a turn off costs a quarter; objects with few points are
-neither right nor wrong."""
+at the nearest alone, and each object counts as much as any other, however few sites it has (far ones have
+few); rare classes of a head count more; the overlap of the boxes is learned besides their numbers;
+objects with few points are neither right nor wrong."""
 
 import torch
 
@@ -101,19 +102,29 @@ def box_iou(a, b):
     return common / (area_a * a[:, 5] + area_b * b[:, 5] - common).clamp(min=1e-6)
 
 
+def overlap_if_parallel(a, b):
+    """IoU of pairs of rectangles [M] from above if a had the heading of b; its gradient leads to b."""
+    c, s = b[:, 6].cos(), b[:, 6].sin()
+    d = a[:, :2] - b[:, :2]
+    apart = torch.stack([c * d[:, 0] + s * d[:, 1], c * d[:, 1] - s * d[:, 0]], 1).abs()
+    low, high = torch.minimum(a[:, 3:5], b[:, 3:5]), 0.5 * (a[:, 3:5] + b[:, 3:5])
+    common = torch.minimum(low, high - apart).clamp(min=0).prod(1)
+    return common / (a[:, 3:5].prod(1) + b[:, 3:5].prod(1) - common).clamp(min=1e-6)
+
+
 def heat_loss(logits, heat, counted):
-    """Focal loss of CenterNet, summed; the caller divides by the number of objects."""
+    """Focal loss of CenterNet, summed over sites, and the number of objects: by class [C]."""
     p = logits.sigmoid().clamp(1e-4, 1 - 1e-4)
     centre = (heat == 1).float() * counted
     of_centres = -(p.log() * (1 - p) ** 2 * centre)
     others = -((1 - p).log() * p**2 * (1 - heat) ** 4 * (1 - centre) * counted)
-    return of_centres.sum() + others.sum(), centre.sum()
+    return of_centres.sum(0) + others.sum(0), centre.sum(0)
 
 
 def loss_of(results, sites, scans, config):
     """@param scans  (boxes [B, 7], class names, counts) of each scan.
     @return loss, and its parts as numbers."""
-    parts = {"heat": 0.0, "box": 0.0, "rot": 0.0, "iou": 0.0}
+    parts = {"heat": 0.0, "box": 0.0, "rot": 0.0, "overlap": 0.0, "iou": 0.0}
     for head, result in zip(config["heads"], results):
         heats, counts, nears, weights, boxes = [], [], [], [], []
         for i, (scan_boxes, names, points) in enumerate(scans):
@@ -127,13 +138,17 @@ def loss_of(results, sites, scans, config):
             boxes.append(scan_boxes)
         heat, counted, near = torch.cat(heats), torch.cat(counts), torch.cat(nears)
         value, objects = heat_loss(result["hm"], heat, counted)
-        parts["heat"] = parts["heat"] + value / objects.clamp(min=1.0)
+        # Halfway between a sum over the head's objects and one over each class's own.
+        number = (objects.clamp(min=1.0) * objects.sum().clamp(min=1.0)).sqrt()
+        parts["heat"] = parts["heat"] + (value / number).sum()
         rows = near >= 0
         if not bool(rows.any()):
             continue
         truth = torch.cat(boxes)[near[rows]]
         at, weight = sites[rows][:, 1:], torch.cat(weights)[rows]
-        weight = weight / weight.sum()
+        owner = near[rows]
+        of_object = torch.zeros(int(owner.max()) + 1, device=owner.device).index_add(0, owner, weight)
+        weight = weight / of_object[owner] / (of_object > 0).sum()
         wanted = box_targets(at, truth, config)
         said = {name: value[rows] for name, value in result.items()}
         for name in ("center", "center_z", "dim"):
@@ -141,10 +156,13 @@ def loss_of(results, sites, scans, config):
             parts["box"] = parts["box"] + (difference * weight).sum()
         difference = (said["rot"] - wanted["rot"]).abs().sum(1)
         parts["rot"] = parts["rot"] + (difference * weight).sum()
+        found = decoded(said, at, config)
+        parts["overlap"] = parts["overlap"] + ((1 - overlap_if_parallel(found, truth)) * weight).sum()
         if "iou" in said:
             with torch.no_grad():
-                iou = box_iou(decoded(said, at, config), truth)
+                iou = box_iou(found, truth)
             difference = (said["iou"][:, 0] - (2 * iou - 1)).abs()
             parts["iou"] = parts["iou"] + (difference * weight).sum()
-    loss = parts["heat"] + 0.5 * parts["box"] + 0.5 * parts["rot"] + 0.25 * parts["iou"]
+    loss = (parts["heat"] + 0.5 * parts["box"] + 0.5 * parts["rot"] + 0.5 * parts["overlap"] +
+            0.25 * parts["iou"])
     return loss, {name: float(value) for name, value in parts.items()}

@@ -68,8 +68,21 @@ def submanifold_table(sites, shape, kernel):
     return table
 
 
-def strided_sites(sites, shape, kernel, stride):
-    """Sites with an input in their window, their grid, and each input's [N, K] outputs (-1 = none)."""
+def dilating(features, sites, share):
+    """Spatial voxel pruning, as pruning.cpp has it: [N], false for the share of each scan's sites with the
+    smallest sums of |feature|; of equal sums for those of higher rows. Sites are in the order of scans."""
+    flags = torch.ones(len(sites), dtype=torch.bool, device=sites.device)
+    magnitude, first = features.detach().abs().sum(1), 0
+    for count in torch.bincount(sites[:, 0]).tolist():
+        order = torch.sort(magnitude[first:first + count].flip(0), stable=True)[1]
+        flags[first + count - 1 - order[:int(share * count)]] = False
+        first += count
+    return flags
+
+
+def strided_sites(sites, shape, kernel, stride, dilates=None):
+    """Sites with an input in their window, their grid, and each input's [N, K] outputs (-1 = none).
+    @param dilates  [N]; false where an input makes an output only under the middle of its kernel."""
     pad, axes = kernel // 2, len(shape)
     out_shape = [(n + 2 * pad - kernel) // stride + 1 for n in shape]
     steps = torch.arange(kernel, device=sites.device)
@@ -84,7 +97,16 @@ def strided_sites(sites, shape, kernel, stride):
         key = key * n + target.view(dimensions)
         valid = valid & fits.view(dimensions)
     key, valid = key.reshape(len(sites), -1), valid.reshape(len(sites), -1)
-    unique, rows = torch.unique(key[valid], return_inverse=True)
+    if dilates is None:
+        unique, rows = torch.unique(key[valid], return_inverse=True)
+    else:
+        makes = valid & dilates[:, None]
+        middle = valid.shape[1] // 2
+        makes[:, middle] = valid[:, middle]
+        unique = torch.unique(key[makes])
+        rows = torch.searchsorted(unique, key).clamp(max=len(unique) - 1)
+        valid &= unique[rows] == key
+        rows = rows[valid]
     outputs = torch.full(valid.shape, -1, dtype=torch.int64, device=sites.device)
     outputs[valid] = rows
     columns = []
@@ -112,8 +134,8 @@ class Rulebook:
         return Rulebook(table, table, len(sites), len(sites), True)
 
     @staticmethod
-    def strided(sites, shape, kernel, stride):
-        out_sites, out_shape, outputs = strided_sites(sites, shape, kernel, stride)
+    def strided(sites, shape, kernel, stride, dilates=None):
+        out_sites, out_shape, outputs = strided_sites(sites, shape, kernel, stride, dilates)
         n_in, n_out = len(sites), len(out_sites)
         forward = torch.full((n_out, outputs.shape[1]), n_in, device=sites.device)
         source, position = torch.nonzero(outputs >= 0, as_tuple=True)
@@ -200,8 +222,11 @@ class Block(nn.Module):
 
 
 class Stage(nn.Module):
-    def __init__(self, channels_in, stage, opens):
+    """@param pruning  share of the sites below that do not dilate."""
+
+    def __init__(self, channels_in, stage, opens, pruning):
         super().__init__()
+        self.pruning = pruning
         channels, self.kernel = stage["channels"], stage["kernel"]
         self.down = Convolution(channels_in, channels, self.kernel**3) if opens else None
         for j in range(stage["blocks"]):
@@ -210,7 +235,8 @@ class Stage(nn.Module):
 
     def forward(self, features, sites, shape):
         if self.down is not None:
-            rulebook, sites, shape = Rulebook.strided(sites, shape, self.kernel, 2)
+            dilates = dilating(features, sites, self.pruning) if self.pruning > 0 else None
+            rulebook, sites, shape = Rulebook.strided(sites, shape, self.kernel, 2, dilates)
             features = torch.relu(self.down(features, rulebook))
         if self.blocks:
             rulebook = Rulebook.submanifold(sites, shape, 3)
@@ -239,10 +265,7 @@ class VoxelNext(nn.Module):
 
     def __init__(self, config):
         super().__init__()
-        if any(config["pruning"]):
-            raise ValueError(f"pruning: found {config['pruning']}, expected zeros: it is for inference only")
         self.config = config
-        self.norms_fixed = False
         low, high = config["range_m"][:3], config["range_m"][3:]
         size = [round((h - l) / v) for l, h, v in zip(low, high, config["voxel_m"])]
         self.shape = [size[2] + 1, size[1], size[0]]
@@ -250,7 +273,8 @@ class VoxelNext(nn.Module):
         channels = stages[0]["channels"]
         self.input = Convolution(len(config["features"]), channels, 27)
         for i, stage in enumerate(stages):
-            setattr(self, f"stage{i + 1}", Stage(channels, stage, i > 0))
+            pruning = config["pruning"][i - 1] if i > 0 else 0.0
+            setattr(self, f"stage{i + 1}", Stage(channels, stage, i > 0, pruning))
             channels = stage["channels"]
         neck = config["neck_channels"]
         self.neck_out = Convolution(channels, neck, 9)
@@ -310,18 +334,9 @@ class VoxelNext(nn.Module):
             layers[name + ".weight"], layers[name + ".bias"] = module.folded()
         return layers
 
-    def train(self, mode=True):
-        """As in torch, but fixed normalizations stay as they are."""
-        super().train(mode)
-        if self.norms_fixed:
-            for _, module in self.layers():
-                if module.norm is not None:
-                    module.norm.eval()
-        return self
-
     def set_folded(self, layers):
-        """Takes layers of a weights file over. Their normalizations are folded in: from here on
-        they are fixed, in training too, and only scale and shift."""
+        """Takes layers of a weights file over. Their normalizations are folded in: they only shift, until
+        starting.unfold_norms lets them learn."""
         with torch.no_grad():
             for name, module in self.layers():
                 module.weight.copy_(layers[name + ".weight"])
@@ -332,8 +347,6 @@ class VoxelNext(nn.Module):
                     module.norm.weight.fill_(1.0)
                     bias = module.norm.bias
                 bias.copy_(layers[name + ".bias"])
-        self.norms_fixed = True
-        self.train(self.training)
 
     def layers(self):
         """Convolutions with their names in the weights file."""

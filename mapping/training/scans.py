@@ -145,21 +145,24 @@ def paste(scan, other, rng, wanted):
 
 def augment(scan, rng):
     """Another scan of the same kind of street: turned, mirrored, scaled, with another ground error,
-    with fewer beams or points, with noise along the rays."""
+    with fewer beams or points or a lost sector, with noise along the rays."""
     points, boxes = scan.points, scan.boxes
-    if rng.random() < 0.35:  # fewer beams: every second or third ring, or some at random
+    if rng.random() < 0.4:  # fewer beams: every second to fourth ring (16 of 64 beams), or some at random
         rings = scan.rings
         if rng.random() < 0.5:
-            step = int(rng.integers(2, 4)) if rings.max(initial=0) > 40 else 1
+            step = int(rng.integers(2, 5)) if rings.max(initial=0) > 40 else 1
             scan.keep(rings % step == rng.integers(0, step))
         else:
             lost = rng.random(256) < rng.uniform(0.0, 0.5)
             scan.keep(~lost[rings])
+    if rng.random() < 0.15:  # behind a roof box, or out of the sensor's window
+        azimuth = np.arctan2(scan.points[:, 1], scan.points[:, 0])
+        scan.keep(np.mod(azimuth - rng.uniform(0.0, 2 * np.pi), 2 * np.pi) > rng.uniform(0.1, 1.5))
     if rng.random() < 0.5:
         scan.keep(rng.random(len(scan.points)) > rng.uniform(0.0, 0.4))
     points = scan.points
     r = np.maximum(np.hypot(points[:, 0], points[:, 1]), 0.5)
-    noise = rng.normal(0.0, rng.uniform(0.0, 0.03), len(points)).astype(np.float32)
+    noise = rng.normal(0.0, rng.uniform(0.0, 0.04), len(points)).astype(np.float32)
     points *= 1.0 + (noise / r)[:, None] * np.array([1, 1, 0], np.float32)
     # The ground surface is wrong by some centimetres, and by a slope.
     tilt = rng.normal(0.0, 0.003, 2)

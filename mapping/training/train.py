@@ -2,9 +2,9 @@
 """Trains the detector on scans of the simulator; can be stopped at any time and goes on.
 
     train.py --data DATA --run RUN --steps 6000
-    train.py --data DATA --run RUN --steps 2000 --rate 4e-4 --start default.safetensors
+    train.py --data DATA --run RUN --steps 2000 --start default.safetensors
 
-The second begins from weights that were shipped, their normalizations fixed. RUN holds
+The second begins from weights that were shipped (starting.py). RUN holds
 `checkpoint.pt` (some 8 bytes a parameter, written every few minutes) and `log.jsonl`; export.py
 makes of it what the program reads. The same command again goes on from the checkpoint, on a GPU or
 a CPU, wherever it was begun.
@@ -12,7 +12,8 @@ a CPU, wherever it was begun.
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait by spinning
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait by spinning,
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # and so would these: ten times the time on a busy machine
 
 import argparse
 import json
@@ -24,8 +25,8 @@ import time
 import network
 import losses
 import numpy as np
-import safetensors
 import scans as scan_files
+import starting
 import torch
 import validate
 
@@ -36,8 +37,8 @@ CONFIG = {
     "z": "ground",
     "sensor_height_m": 0.0,
     "features": ["dx", "dy", "dz", "height", "ux", "uy"],
-    "stages": [{"channels": c, "blocks": 1, "kernel": 3} for c in (16, 32, 64, 64, 64, 64)],
-    "pruning": [0.0] * 5,
+    "stages": [{"channels": c, "blocks": 1, "kernel": 3} for c in (16, 32, 48, 64, 64, 64)],
+    "pruning": [0.5, 0.5, 0.5, 0.0, 0.0],
     "neck_channels": 64,
     "head_kernel": 1,
     "heads": [{"classes": ["car", "van"]}, {"classes": ["truck", "bus"]},
@@ -53,6 +54,10 @@ CONFIG = {
 # How often objects are pasted from other scans, by class.
 PASTED = {"car": 0.5, "van": 1.0, "truck": 1.5, "trailer": 1.0, "bus": 1.5, "motorcycle": 2.0,
           "cyclist": 2.0, "pedestrian": 1.0}
+
+
+# Batches that layers of a file are measured on, when a run begins from one.
+MEASURED = 12
 
 
 class Samples(torch.utils.data.Dataset):
@@ -104,7 +109,7 @@ def save(path, net, optimizer, step, arguments):
         moments.append((state["exp_avg"].cpu().bfloat16(), state["exp_avg_sq"].cpu().bfloat16()))
     content = {"net": {k: v.cpu() for k, v in net.state_dict().items()}, "moments": moments,
                "step": step, "config": net.config, "steps": arguments.steps,
-               "seed": arguments.seed, "norms_fixed": net.norms_fixed}
+               "seed": arguments.seed}
     unfinished = path.with_suffix(".part")
     torch.save(content, unfinished)
     unfinished.replace(path)
@@ -113,8 +118,6 @@ def save(path, net, optimizer, step, arguments):
 def restore(path, net, optimizer):
     content = torch.load(path, map_location="cpu")
     net.load_state_dict(content["net"])
-    net.norms_fixed = content.get("norms_fixed", False)
-    net.train()
     for parameter, (first, second) in zip(net.parameters(), content["moments"]):
         optimizer.state[parameter] = {
             "step": torch.tensor(float(content["step"])),
@@ -123,15 +126,13 @@ def restore(path, net, optimizer):
     return content["step"]
 
 
-def begin(path, net):
-    """Weights of a file that was shipped, when a run begins from them."""
-    tensors, metadata = safetensors.load(path)
-    theirs = json.loads(metadata["config"])
-    for key in ("range_m", "voxel_m", "z", "features", "stages", "neck_channels", "head_kernel", "heads",
-                "yaw", "branches"):
-        if theirs.get(key) != net.config[key]:
-            raise ValueError(f"{path}: {key}: found {theirs.get(key)}, expected {net.config[key]}")
-    net.set_folded({name: torch.tensor(value, dtype=torch.float32) for name, value in tensors.items()})
+def begun(arguments, data):
+    """The network as a run begins. To measure the file's layers it takes samples that the run does not come to."""
+    if not arguments.start:
+        return network.VoxelNext(CONFIG)
+    samples = Samples(data, CONFIG, arguments.seed + 1, 0, MEASURED * arguments.batch)
+    loader = torch.utils.data.DataLoader(samples, arguments.batch, collate_fn=collate)
+    return starting.network_of(arguments.start, CONFIG, list(loader))
 
 
 def main():
@@ -152,7 +153,8 @@ def main():
     device = "cuda" if torch.cuda.is_available() else "cpu"
     arguments.run.mkdir(parents=True, exist_ok=True)
     checkpoint = arguments.run / "checkpoint.pt"
-    net = network.VoxelNext(CONFIG).to(device)
+    data = scan_files.open_scans(arguments.data, "train")
+    net = (network.VoxelNext(CONFIG) if checkpoint.exists() else begun(arguments, data)).to(device)
     decayed = [p for n, p in net.named_parameters() if n.endswith("weight") and "norm" not in n]
     others = [p for n, p in net.named_parameters() if not (n.endswith("weight") and "norm" not in n)]
     optimizer = torch.optim.AdamW([{"params": decayed, "weight_decay": 0.01},
@@ -161,9 +163,6 @@ def main():
     step = 0
     if checkpoint.exists():
         step = restore(checkpoint, net, optimizer)
-    elif arguments.start:
-        begin(arguments.start, net)
-    data = scan_files.open_scans(arguments.data, "train")
     held_out = scan_files.open_scans(arguments.data, "validation")[::6]
     samples = Samples(data, CONFIG, arguments.seed, step * arguments.batch,
                       (arguments.steps - step) * arguments.batch)

@@ -12,6 +12,8 @@ except ImportError as error:
     print(f"skipped: {error} (Debian: python3-torch)")
     sys.exit(77)
 
+import copy
+import itertools
 import json
 
 import losses
@@ -20,6 +22,7 @@ import numpy as np
 import safetensors
 import scans
 import sparse_products
+import starting
 
 TRUTH = pathlib.Path(__file__).resolve().parents[2] / "tests/data/voxelnext"
 
@@ -73,6 +76,33 @@ class SparseConvolutions(unittest.TestCase):
     def test_strided_is_dense_and_misses_no_site(self):
         self.check(2)
 
+    def test_pruned_sites_are_those_of_a_brute_force(self):
+        for seed in range(4):
+            sites = some_sites(self.shape, 300, seed)
+            features = torch.randn(len(sites), 8, generator=torch.Generator().manual_seed(seed)).round()  # many ties
+            dilates = network.dilating(features, sites, 0.5)
+            reached, out_shape = set(), [(n - 1) // 2 + 1 for n in self.shape]
+            for scan in (0, 1):
+                rows = [i for i in range(len(sites)) if sites[i, 0] == scan]
+                rows.sort(key=lambda i: (float(features[i].abs().sum()), -i))
+                still = set(rows[:len(rows) // 2])
+                self.assertEqual([not flag for flag in dilates[sorted(rows)]], [i in still for i in sorted(rows)])
+                for i in rows:
+                    for at in itertools.product(*[(1,) if i in still else (0, 1, 2)] * 3):
+                        moved = [int(n) + 1 - k for n, k in zip(sites[i, 1:], at)]
+                        place = [n // 2 for n in moved]
+                        if not any(n % 2 for n in moved) and all(0 <= n < m for n, m in zip(place, out_shape)):
+                            reached.add((scan, *place))
+            rulebook, places, _ = network.Rulebook.strided(sites, self.shape, 3, 2, dilates)
+            self.assertEqual([tuple(place) for place in places.tolist()], sorted(reached))
+            # What there is sees all that lies under its kernel, as without pruning.
+            weight = torch.randn(27, 8, 16)
+            volume = torch.nn.functional.conv3d(dense(features, sites, self.shape), as_dense_weight(weight),
+                                                stride=2, padding=1)
+            found = network.SparseConvolve.apply(features, weight, rulebook)
+            expected = volume[places[:, 0], :, places[:, 1], places[:, 2], places[:, 3]]
+            self.assertLess(float((found - expected).abs().max()), 1e-3)
+
     def test_native_and_plain_give_the_same_gradients(self):
         if sparse_products.library is None:
             self.skipTest("no compiler")
@@ -124,8 +154,12 @@ class Network(unittest.TestCase):
                 self.assertLess(float((found - expected).abs().max()), 1e-4, (h, name))
 
 
-    def test_weights_to_go_on_from_say_the_same_while_learning(self):
-        """Whatever a batch looks like: normalizations that are folded in do not follow it."""
+    def batch(self, net):
+        sites = some_sites(net.shape, 300)
+        box = torch.tensor([[1.0, 2.0, 0.8, 4.2, 1.8, 1.5, 0.4]])
+        return torch.randn(len(sites), 6), sites, [(box, ["car"], torch.tensor([50]))] * 2
+
+    def folded_and_unfolded(self):
         torch.manual_seed(1)
         first, second = network.VoxelNext(CONFIG), network.VoxelNext(CONFIG)
         for module in first.modules():
@@ -134,13 +168,31 @@ class Network(unittest.TestCase):
                 module.running_var.uniform_(0.5, 2.0)
         first.eval()
         second.set_folded(first.folded())
-        second.eval()
-        second.train()
-        sites = some_sites(second.shape, 300)
-        features = torch.randn(len(sites), 6)
-        expected, found = first(features, sites)[0], second(features, sites)[0]
-        for name, value in expected[0].items():
-            self.assertLess(float((found[0][name] - value).abs().max()), 1e-3, name)
+        batch = self.batch(second)
+        starting.unfold_norms(second, [batch])
+        return first, second, batch
+
+    def test_normalizations_that_learn_again_change_nothing(self):
+        first, second, batch = self.folded_and_unfolded()
+        # On the batch that was measured they say the same while they learn, too.
+        for net in (second.eval(), second.train()):
+            expected, found = first(*batch[:2])[0], net(*batch[:2])[0]
+            for name, value in expected[0].items():
+                self.assertLess(float((found[0][name] - value).abs().max()), 1e-2, name)
+
+    def test_channels_that_say_nothing_are_the_first_to_go(self):
+        _, net, batch = self.folded_and_unfolded()
+        config = copy.deepcopy(CONFIG)
+        config["stages"][2]["channels"] = 32
+        wide = network.VoxelNext(config)
+        gone = [5, 6, 20]
+        for layer in (wide.stage3.down, wide.stage3.block0.conv1, wide.stage3.block0.conv2):
+            layer.norm.weight.data[gone] = 0.0
+        expected = wide.eval()(*batch[:2])[0][0]
+        found = starting.narrowed(wide, 2, 29, [batch])
+        self.assertEqual(found.config["stages"][2]["channels"], 29)
+        for name, value in found.eval()(*batch[:2])[0][0].items():
+            self.assertLess(float((value - expected[name]).abs().max()), 1e-3, name)
 
 
 def car_scan(rng):
@@ -191,6 +243,12 @@ class Losses(unittest.TestCase):
             b[0, 0] += shift * float(torch.tensor(0.3).cos())
             b[0, 1] += shift * float(torch.tensor(0.3).sin())
             self.assertAlmostEqual(float(losses.ground_plane_iou(a, b, 64)), expected, delta=0.02)
+
+    def test_overlap_of_parallel_rectangles_is_their_iou(self):
+        a = torch.tensor([[0.0, 0, 0, 4, 2, 1.5, 0.3], [0.5, 0.2, 0, 3, 1.5, 1.5, 0.3], [5, 5, 0, 1, 1, 1, 0.3]])
+        b = torch.tensor([[0.4, 0.3, 0, 4.4, 1.8, 1.5, 0.3]]).expand(3, 7)
+        difference = losses.overlap_if_parallel(a, b) - losses.ground_plane_iou(a, b, 64)
+        self.assertLess(float(difference.abs().max()), 0.02)
 
     def test_what_the_targets_say_is_decoded_to_the_boxes(self):
         sites = torch.tensor([[5, 6], [6, 6], [7, 8]])
