@@ -73,6 +73,7 @@ VoxelNextConfig config_of(bool full) {
   config.heads.assign(full ? 6 : 3, {{ObjectClass::kCar, ObjectClass::kVan}});
   config.iou_rectifier.assign(2 * config.heads.size(), 0.5);
   config.calibration.resize(2 * config.heads.size());
+  config.score_threshold.assign(2 * config.heads.size(), 0.1);
   return config;
 }
 

@@ -66,7 +66,7 @@ VoxelNextConfig small_config() {
                      VoxelNextBranch::kVel};
   config.iou_rectifier = {0.5, 0.0, 0.3};
   config.calibration = {{1.0, 0.0}, {0.8, -0.1}, {1.2, 0.3}};
-  config.score_threshold = 0.3;
+  config.score_threshold = {0.3, 0.3, 0.3};
   return config;
 }
 
@@ -279,7 +279,7 @@ TEST(Decoding, TheThresholdIsOfTheScoreWithTheIou) {
   const mapping::NetworkHeight height(config, &ground);
   // sqrt(0.25 * 0.64) = 0.4
   for (const auto& [threshold, count] : {std::pair{0.39, 1U}, std::pair{0.41, 0U}}) {
-    config.score_threshold = threshold;
+    config.score_threshold = {threshold, 0.0, 0.0};
     EXPECT_THAT(mapping::decode_boxes(config, 0, {{0, 0, 0.25}}, one.cells, one.boxes, height),
                 SizeIs(count));
   }
@@ -341,7 +341,7 @@ struct HeatMap {
 TEST(Candidates, AreCellsAndClassesAtOrAboveTheThreshold) {
   VoxelNextConfig config = small_config();
   config.iou_rectifier.assign(config.iou_rectifier.size(), 0.0);
-  config.score_threshold = 0.5;
+  config.score_threshold = {0.5, 0.5, 0.5};
   config.calibration = {{1.0, 0.0}, {2.0, 1.0}, {1.0, 0.0}};
   const HeatMap map({{1, 0.0F}, {2, -0.25F}, {3, -1.0F}, {5, std::nanf("")}}, 2);
   const auto found = mapping::find_candidates(config, 0, map.cells, map.logits);
@@ -353,6 +353,17 @@ TEST(Candidates, AreCellsAndClassesAtOrAboveTheThreshold) {
   EXPECT_NEAR(found[1].probability, 1.0 / (1.0 + std::exp(-1.0)), 1e-12);
   EXPECT_EQ(found[2].cell, 1U);
   EXPECT_EQ(found[2].head_class, 1U);
+}
+
+TEST(Candidates, EachClassHasItsOwnThreshold) {
+  VoxelNextConfig config = small_config();
+  config.iou_rectifier.assign(config.iou_rectifier.size(), 0.0);
+  config.score_threshold = {0.6, 0.4, 0.4};
+  config.calibration.assign(config.calibration.size(), {1.0, 0.0});
+  const HeatMap map({{1, 0.0F}}, 2);
+  const auto found = mapping::find_candidates(config, 0, map.cells, map.logits);
+  ASSERT_THAT(found, SizeIs(1));
+  EXPECT_EQ(found[0].head_class, 1U);
 }
 
 TEST(Candidates, OfAClassThatIsNoObjectForUsDoNotExist) {
@@ -497,7 +508,7 @@ TEST(VoxelNextDetector, ThinksOfNothingInAnEmptyScan) {
 
 TEST(VoxelNextDetector, TakesASinglePointAnywhere) {
   VoxelNextConfig config = small_config();
-  config.score_threshold = 0.0;
+  config.score_threshold = {0.0, 0.0, 0.0};
   config.nms_iou = 1.0;
   const VoxelNextDetector detector(random_weights(config, 5));
   for (const float x : {-10.0F, 0.0F, 10.79F}) {

@@ -58,6 +58,13 @@ TEST(VoxelNextWeights, ReadsTheConfig) {
   EXPECT_EQ(config.calibration.at(1).scale, 2.0);
   EXPECT_EQ(config.calibration.at(1).shift, -0.5);
   EXPECT_EQ(config.nms, VoxelNextSuppression::kRotated);
+  EXPECT_EQ(config.score_threshold, (std::vector{0.1, 0.1}));
+}
+
+TEST(VoxelNextWeights, ReadsThresholdsByClass) {
+  ordered_json config = tiny_config();
+  config["score_threshold"] = {0.1, 0.25};
+  EXPECT_EQ(read(tiny_weights(config).bytes()).config.score_threshold, (std::vector{0.1, 0.25}));
 }
 
 TEST(VoxelNextWeights, ReadsEveryLayerInItsOrder) {
@@ -151,6 +158,8 @@ TEST(VoxelNextWeights, RefusesValuesBeyondTheirBounds) {
   expect_refused_value("/nms", "none", {"config.nms", "rotated, maxpool"});
   expect_refused_value("/nms_iou", 1.5, {"nms_iou"});
   expect_refused_value("/score_threshold", true, {"score_threshold"});
+  expect_refused_value("/score_threshold", {0.1}, {"score_threshold", "an array of 2"});
+  expect_refused_value("/score_threshold", {0.1, 1.5}, {"score_threshold[1]"});
 }
 
 TEST(VoxelNextWeights, RefusesAConfigThatIsNoJson) {

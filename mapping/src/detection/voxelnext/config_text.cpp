@@ -137,7 +137,16 @@ void read_scores(const JsonField& config, std::size_t classes, VoxelNextConfig& 
   }
   result.nms = config.at("nms").one_of(kSuppressions);
   result.nms_iou = config.at("nms_iou").number(0.0, 1.0);
-  result.score_threshold = config.at("score_threshold").number(0.0, 1.0);
+}
+
+void read_thresholds(const JsonField& threshold, bool by_class, std::size_t classes,
+                     VoxelNextConfig& result) {
+  if (!by_class) {
+    result.score_threshold.assign(classes, threshold.number(0.0, 1.0));
+    return;
+  }
+  for (const JsonField& of_class : threshold.elements(classes, classes))
+    result.score_threshold.push_back(of_class.number(0.0, 1.0));
 }
 
 }  // namespace
@@ -167,6 +176,8 @@ VoxelNextConfig parse_voxelnext_config(std::string_view text, const std::string&
   result.yaw = config.at("yaw").one_of(kYaws);
   read_branches(config, result);
   read_scores(config, classes, result);
+  read_thresholds(config.at("score_threshold"), parsed.at("score_threshold").is_array(), classes,
+                  result);
   return result;
 }
 

@@ -91,7 +91,8 @@ std::vector<Candidate> find_candidates(const VoxelNextConfig& config, std::size_
   const std::size_t first = first_class(config, head);
   std::vector<double> least;
   for (std::size_t c = 0; c < classes.size(); ++c)
-    least.push_back(least_probability(config.score_threshold, config.iou_rectifier[first + c]));
+    least.push_back(
+        least_probability(config.score_threshold[first + c], config.iou_rectifier[first + c]));
   std::vector<Candidate> out;
   for (std::size_t site = 0; site < cells.size(); ++site) {
     for (std::size_t c = 0; c < classes.size(); ++c) {
@@ -118,9 +119,9 @@ std::vector<maps::Box> decode_boxes(const VoxelNextConfig& config, std::size_t h
     const BranchRow row(at, static_cast<std::size_t>(found - at.cells.begin()));
     std::optional<maps::Box> box = decode(config, cells[candidate.cell], row, height);
     if (!box) continue;
-    box->score =
-        score_of(candidate.probability, config.iou_rectifier[first + candidate.head_class], row);
-    if (!(box->score >= config.score_threshold)) continue;
+    const std::size_t flat = first + candidate.head_class;
+    box->score = score_of(candidate.probability, config.iou_rectifier[flat], row);
+    if (!(box->score >= config.score_threshold[flat])) continue;
     box->object_class = *config.heads[head].classes[candidate.head_class];
     out.push_back(*box);
   }

@@ -18,11 +18,13 @@ namespace {
 void check(const VoxelNextConfig& config) {
   std::size_t classes = 0;
   for (const VoxelNextHead& head : config.heads) classes += head.classes.size();
-  if (config.iou_rectifier.size() != classes || config.calibration.size() != classes) {
+  if (config.iou_rectifier.size() != classes || config.calibration.size() != classes ||
+      config.score_threshold.size() != classes) {
     throw std::invalid_argument(
         "voxelnext config: found " + std::to_string(config.iou_rectifier.size()) +
-        " iou_rectifier, " + std::to_string(config.calibration.size()) +
-        " calibration, expected one for each of " + std::to_string(classes) + " classes");
+        " iou_rectifier, " + std::to_string(config.calibration.size()) + " calibration, " +
+        std::to_string(config.score_threshold.size()) +
+        " score_threshold, expected one for each of " + std::to_string(classes) + " classes");
   }
   for (const VoxelNextBranch branch :
        {VoxelNextBranch::kHm, VoxelNextBranch::kCenter, VoxelNextBranch::kCenterZ,

@@ -112,8 +112,9 @@ struct VoxelNextConfig {
   VoxelNextSuppression nms = VoxelNextSuppression::kRotated;
   /// BEV IoU above which the box of lower score goes, all classes together; not with kMaxPool.
   double nms_iou = 0.2;
-  /// Boxes of lower score are left out.
-  double score_threshold = 0.1;
+  /// Boxes of lower score are left out: for each class in head order. A file may give one number
+  /// for all classes.
+  std::vector<double> score_threshold;
 };
 
 /// One convolution with its normalization folded in.
