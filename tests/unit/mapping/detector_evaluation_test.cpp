@@ -79,6 +79,11 @@ TEST_F(EvaluateDetector, FindsTrueBoxesPerfect) {
   }
   EXPECT_TRUE(json["AP"]["pedestrian"]["0.3"].is_null());
   EXPECT_FALSE(json["AP"].contains("truck"));
+  const auto& curve = json["curves"]["vehicle"];
+  EXPECT_EQ(curve["iou"], 0.5);
+  EXPECT_DOUBLE_EQ(curve["score_precision_recall"].back()[0], 0.01);
+  EXPECT_DOUBLE_EQ(curve["score_precision_recall"].back()[1], 1.0);
+  EXPECT_DOUBLE_EQ(curve["score_precision_recall"].back()[2], 1.0);
   EXPECT_DOUBLE_EQ(json["recall_centre_1_5m"]["vehicle"], 1.0);
   EXPECT_DOUBLE_EQ(json["false_boxes_per_scan"], 0.0);
   EXPECT_TRUE(json["points"]["movable_recall"].is_null());

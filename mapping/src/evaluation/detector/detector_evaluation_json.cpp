@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -39,6 +40,25 @@ Json average_precisions(const BoxDetection& boxes) {
     for (const AveragePrecision& ap : each.average_precision)
       by_iou[fmt::format("{:g}", ap.iou)] = number(ap.value);
     out[each.name] = std::move(by_iou);
+  }
+  return out;
+}
+
+/// Precision and recall of each class if only boxes of a score or more were asked for, in steps of
+/// a hundredth, at the overlap that the class is mostly judged by.
+Json curves(const BoxDetection& boxes) {
+  Json out = Json::object();
+  for (const ClassDetection& each : boxes.classes) {
+    const AveragePrecision& judged = each.average_precision[each.average_precision.size() / 2];
+    Json places = Json::array();
+    auto place = judged.curve.begin();
+    for (int percent = 99; percent >= 1; --percent) {
+      const double score = 0.01 * percent;
+      while (place != judged.curve.end() && place->score >= score) ++place;
+      if (place == judged.curve.begin()) continue;
+      places.push_back({score, std::prev(place)->precision, std::prev(place)->recall});
+    }
+    out[each.name] = {{"iou", judged.iou}, {"score_precision_recall", std::move(places)}};
   }
   return out;
 }
@@ -87,6 +107,7 @@ Json visibilities(const BoxDetection& boxes) {
 
 void put_boxes(Json& out, const BoxDetection& boxes) {
   out["AP"] = average_precisions(boxes);
+  out["curves"] = curves(boxes);
   out["recall_centre_1_5m"] =
       by_class(boxes, [](const ClassDetection& each) { return number(each.all.found.rate()); });
   out["false_boxes_per_scan"] = boxes.false_boxes_per_scan;
