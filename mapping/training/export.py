@@ -142,6 +142,7 @@ def main():
     content = torch.load(arguments.run / "checkpoint.pt", map_location="cpu")
     # Checkpoints may be older than the key; no training prunes.
     config = {"pruning": [0.0] * 5, **content["config"]}
+    config["iou_rectifier"] = [0.0] * len(config["iou_rectifier"])
     if arguments.threshold is not None:
         config["score_threshold"] = arguments.threshold
     net = network.VoxelNext(config)

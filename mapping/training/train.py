@@ -45,7 +45,7 @@ CONFIG = {
               {"classes": ["cyclist", "pedestrian"]}],
     "yaw": "axis",
     "branches": ["hm", "center", "center_z", "dim", "rot", "iou"],
-    "iou_rectifier": [0.3] * 6,
+    "iou_rectifier": [0.0] * 6,
     "calibration": [[1.0, 0.0]] * 6,
     "nms": "fitted",
     "nms_iou": 0.2,

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -236,6 +237,32 @@ TEST(Days, LeaveWhatStaysAndChangeWhatMoves) {
   const World changed = make_world(spec);
   EXPECT_TRUE(changed.buildings.triangles.size() != today.buildings.triangles.size() ||
               changed.placements.size() != today.placements.size());
+}
+
+TEST(Busy, WorldsHaveMoreTwoWheelersAndPeopleThatStandApart) {
+  WorldSpec spec = short_drive("town");
+  const auto count = [](const World& world, maps::ObjectClass kind, bool moves) {
+    return std::ranges::count_if(world.actors, [&](const Actor& actor) {
+      return actor.object_class == kind && actor.moves() == moves;
+    });
+  };
+  const World usual = make_world(spec);
+  spec.busy = true;
+  const World busy = make_world(spec);
+  for (const auto kind : {maps::ObjectClass::kMotorcycle, maps::ObjectClass::kPedestrian}) {
+    for (const bool moves : {false, true})
+      EXPECT_GT(count(busy, kind, moves), 1.5 * count(usual, kind, moves));
+  }
+  EXPECT_GT(busy.placements.size(), usual.placements.size() + 20);
+  // Nobody stands in a parked car.
+  for (const Actor& person : busy.actors) {
+    if (person.object_class != maps::ObjectClass::kPedestrian || person.moves()) continue;
+    for (const Actor& car : busy.actors) {
+      if (car.object_class != maps::ObjectClass::kCar || car.moves()) continue;
+      const Eigen::Vector3d p = car.T_world_body.inverse() * person.T_world_body.translation();
+      EXPECT_FALSE(std::abs(p.x()) < 1.5 && std::abs(p.y()) < 0.7);
+    }
+  }
 }
 
 TEST(Days, HowLongOneDrivesDoesNotChangeTheWorld) {
