@@ -193,8 +193,9 @@ def voxels(points, config):
     points, place = points[valid], place[valid]
     key = (place[:, 2] * counts[1] + place[:, 1]) * counts[0] + place[:, 0]
     unique, rows, number = np.unique(key, return_inverse=True, return_counts=True)
-    mean = np.stack([np.bincount(rows, points[:, a], len(unique)) for a in range(3)], 1)
-    mean /= number[:, None]
+    # Of no points numpy makes integers.
+    sums = np.stack([np.bincount(rows, points[:, a], len(unique)) for a in range(3)], 1)
+    mean = sums / number[:, None]
     sites = np.stack([unique // (counts[0] * counts[1]), unique // counts[0] % counts[1],
                       unique % counts[0]], 1)
     centre = low + (sites[:, ::-1] + 0.5) * size
