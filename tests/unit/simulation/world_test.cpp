@@ -251,7 +251,7 @@ TEST(Busy, WorldsHaveMoreTwoWheelersAndPeopleThatStandApart) {
   const World busy = make_world(spec);
   for (const auto kind : {maps::ObjectClass::kMotorcycle, maps::ObjectClass::kPedestrian}) {
     for (const bool moves : {false, true})
-      EXPECT_GT(count(busy, kind, moves), 1.5 * count(usual, kind, moves));
+      EXPECT_GT(2 * count(busy, kind, moves), 3 * count(usual, kind, moves));
   }
   EXPECT_GT(busy.placements.size(), usual.placements.size() + 20);
   // Nobody stands in a parked car.
