@@ -9,7 +9,7 @@ simulate town --seed 1 --scans 60, built by default)
 The last bits of a map depend on the processor, so a digest counts where the words of its column CPU are all said of this
 one (/proc/cpuinfo). Measured by taking instruction sets away, 2026-11-27:
 - Maps of given drives whose poses are kept (mulran): the same with AVX2, AVX-512 and VNNI, with any number of threads
-  and other kernels of OpenBLAS; others without FMA, which the detector's network and glibc's libm use where they find it.
+  and other kernels of OpenBLAS; others without FMA, which glibc's libm uses where it finds it.
 - Maps whose poses are refined (kitti): since 2026-11-28 others with AVX-512 than without, with AVX2 the same for any
   kernel of OpenBLAS that runs there. OpenBLAS has a kernel for small matrices with AVX-512 alone; that this is the cause
   was not shown.
