@@ -263,11 +263,13 @@ VoxelNext::Neck VoxelNext::backbone(Voxels voxels, const NetworkObserver& observ
   }
   NetworkCosts::Part unused;
   NetworkCosts::Part& cost = observer.cost_of("neck", unused);
-  auto [cells, sums] = timed(cost.preparation, [&] {
+  const std::pair<SiteSet, FeatureRows> seen_from_above = timed(cost.preparation, [&] {
     return merge({{&merged[0].sites, &merged[0].rows, 1},
                   {&merged[1].sites, &merged[1].rows, 2},
                   {&merged[2].sites, &merged[2].rows, 4}});
   });
+  const SiteSet& cells = seen_from_above.first;
+  const FeatureRows& sums = seen_from_above.second;
   show(observer, "merge", cells, sums);
   Neck neck;
   const Rulebook spread = timed(cost.preparation, [&] {
