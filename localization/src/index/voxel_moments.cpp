@@ -35,7 +35,7 @@ Voxel voxel_of(const Moments& moments, double edge_m, const Eigen::Vector3d& cor
   const Eigen::Vector3d mean = moments.sum / moments.weight;
   const Eigen::Matrix3d covariance =
       (moments.outer / moments.weight - mean * mean.transpose()) * (n / (n - 1.0));
-  const maps::SymmetricEigen<3> eigen = maps::eigen_directly_of(covariance);
+  const maps::SymmetricEigen<3> eigen = maps::eigen_of(covariance);
   const Eigen::Vector3d variances = eigen.values.cwiseMax(0.0);
   const Eigen::Matrix3d& axes = eigen.vectors;
   Voxel voxel{};
