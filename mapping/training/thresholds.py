@@ -5,7 +5,8 @@
 
 For vehicles, two-wheelers and pedestrians: the scores become the share of such boxes that are right (BEV IoU 0.5 for
 vehicles, 0.3 for others), and the threshold of each class is that of the best F1. WEIGHTS is overwritten. The drives
-are simulated, of seeds 20,000 and up. Classes whose scores contain the IoU branch keep their scores.
+are simulated, of seeds 20,000 and up. Classes whose scores contain the IoU branch keep their scores and only get a
+threshold.
 """
 
 import argparse
@@ -88,10 +89,12 @@ def main():
         for row in sorted({*range(4, 99, 10), best}):
             print(f"  score {scores[row]:.2f} now {calibrated[row]:.2f}: precision {right[row] / max(1, boxes[row]):.3f} "
                   f"recall {right[row] / truths:.3f} F1 {f1[row]:.3f}")
-        for i in (i for i, name in enumerate(names) if name in members and not config["iou_rectifier"][i]):
-            a, b = config["calibration"][i]
-            config["calibration"][i] = [round(scale * a, 4), round(scale * b + shift, 4)]
-            thresholds[i] = round(float(calibrated[best]), 2)
+        for i in (i for i, name in enumerate(names) if name in members):
+            thresholds[i] = float(scores[best])
+            if config["iou_rectifier"][i] == 0:
+                a, b = config["calibration"][i]
+                config["calibration"][i] = [round(scale * a, 4), round(scale * b + shift, 4)]
+                thresholds[i] = round(float(calibrated[best]), 2)
     config["score_threshold"] = thresholds
     safetensors.save(arguments.weights, tensors, {**metadata, "config": json.dumps(config)})
 
