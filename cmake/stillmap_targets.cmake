@@ -11,8 +11,8 @@ target_compile_options(stillmap_flags INTERFACE -Wall -Wextra -Wconversion -Wsha
   $<$<CXX_COMPILER_ID:GNU>:-fno-tree-slp-vectorize>
   # Clang's takes names of files that are compiled together for one scope's; GCC's does not.
   $<$<CXX_COMPILER_ID:Clang>:-Wno-shadow>)
-# What every x86 processor has had since 2009: rounding is an instruction there, not a call. Robots' small computers may
-# lack AVX, so more than that is chosen at run time (Highway).
+# With SSE 4.2 (Intel since 2008, its Atoms and AMD since 2013) rounding is an instruction, not a call. Robots' small
+# computers may lack AVX, so more than that is chosen at run time (Highway).
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
   target_compile_options(stillmap_flags INTERFACE -march=x86-64-v2)
 endif()

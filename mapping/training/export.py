@@ -140,7 +140,7 @@ def main():
     parser.add_argument("--half", action="store_true", help="store half precision")
     arguments = parser.parse_args()
     content = torch.load(arguments.run / "checkpoint.pt", map_location="cpu")
-    # Checkpoints may be older than the key; no training prunes.
+    # Checkpoints may be older than the key.
     config = {"pruning": [0.0] * 5, **content["config"]}
     config["iou_rectifier"] = [0.0] * len(config["iou_rectifier"])
     if arguments.threshold is not None:

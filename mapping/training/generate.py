@@ -7,7 +7,8 @@
 Every drive is a world of its own: scenario, sensor, share of taken parking places, whether it is
 busy, and seed follow from the part and the drive's number alone, so that the same command makes the same bytes, and a
 second run with more drives adds to the first. Seeds: training 10,000 and up, validation 20,000 and
-up, calibration of the scores 30,000 and up; the drives that judge maps elsewhere in this project have seeds below 1,000.
+up, calibration of the scores 30,000 and up; the drives that judge maps elsewhere in this project
+have seeds below 1,000.
 """
 
 import argparse

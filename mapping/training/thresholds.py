@@ -87,8 +87,8 @@ def main():
         print(f"{group}: {truths:.0f} objects, scale {scale:.2f} shift {shift:.2f}, "
               f"best F1 {f1[best]:.3f} at {calibrated[best]:.2f}")
         for row in sorted({*range(4, 99, 10), best}):
-            print(f"  score {scores[row]:.2f} now {calibrated[row]:.2f}: precision {right[row] / max(1, boxes[row]):.3f} "
-                  f"recall {right[row] / truths:.3f} F1 {f1[row]:.3f}")
+            print(f"  score {scores[row]:.2f} now {calibrated[row]:.2f}: "
+                  f"precision {right[row] / max(1, boxes[row]):.3f} recall {right[row] / truths:.3f} F1 {f1[row]:.3f}")
         for i in (i for i, name in enumerate(names) if name in members):
             thresholds[i] = float(scores[best])
             if config["iou_rectifier"][i] == 0:

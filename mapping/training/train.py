@@ -2,7 +2,7 @@
 """Trains the detector on scans of the simulator; can be stopped at any time and goes on.
 
     train.py --data DATA --run RUN --steps 6000
-    train.py --data DATA --run RUN --steps 2000 --start default.safetensors
+    train.py --data DATA --run RUN --steps 2000 --rate 5e-4 --start default.safetensors
 
 The second begins from weights that were shipped (starting.py). RUN holds
 `checkpoint.pt` (some 8 bytes a parameter, written every few minutes) and `log.jsonl`; export.py

@@ -9,6 +9,8 @@ namespace {
 constexpr std::array<std::array<int, 2>, 8> kNeighbours = {
     {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
 
+constexpr double kLeastWeight = 1e-3;
+
 }  // namespace
 
 int HeightGrid::index_of(float x, float y) {
@@ -21,19 +23,19 @@ int HeightGrid::index_of(float x, float y) {
   return iy * kCellsPerSide + ix;
 }
 
-std::optional<GroundSurface::Sample> HeightGrid::at(double x, double y) const {
-  if (!(std::abs(x) < kHalfSideM && std::abs(y) < kHalfSideM)) return std::nullopt;
+/// Calls `add(node, height there, weight)` for each known node around a place.
+/// @return the sum of the weights; 0 outside of the grid.
+template <typename Add>
+double HeightGrid::for_nodes_around(double x, double y, const Add& add) const {
+  if (!(std::abs(x) < kHalfSideM && std::abs(y) < kHalfSideM)) return 0.0;
   const double u = (x + kHalfSideM) / kCellM - 0.5;
   const double v = (y + kHalfSideM) / kCellM - 0.5;
-  const int ix = static_cast<int>(std::floor(u));
-  const int iy = static_cast<int>(std::floor(v));
+  // Both are above -1.
+  const int ix = static_cast<int>(u + 1.0) - 1;
+  const int iy = static_cast<int>(v + 1.0) - 1;
   const double fx = u - ix;
   const double fy = v - iy;
   double weight = 0.0;
-  double z = 0.0;
-  double slope_x = 0.0;
-  double slope_y = 0.0;
-  double confidence = 0.0;
   for (int corner = 0; corner < 4; ++corner) {
     const int cx = ix + (corner & 1);
     const int cy = iy + (corner >> 1);
@@ -45,12 +47,20 @@ std::optional<GroundSurface::Sample> HeightGrid::at(double x, double y) const {
     // Never quite zero: a lone known node carries its whole cell.
     const double w = (1.0 - std::abs(dx) / kCellM) * (1.0 - std::abs(dy) / kCellM) + 1e-6;
     weight += w;
-    z += w * (n.z + n.slope_x * dx + n.slope_y * dy);
+    add(n, n.z + n.slope_x * dx + n.slope_y * dy, w);
+  }
+  return weight;
+}
+
+std::optional<GroundSurface::Sample> HeightGrid::at(double x, double y) const {
+  double z = 0.0, slope_x = 0.0, slope_y = 0.0, confidence = 0.0;
+  const double weight = for_nodes_around(x, y, [&](const Node& n, double height, double w) {
+    z += w * height;
     slope_x += w * n.slope_x;
     slope_y += w * n.slope_y;
     confidence += w * n.confidence;
-  }
-  if (!(weight > 1e-3)) return std::nullopt;
+  });
+  if (!(weight > kLeastWeight)) return std::nullopt;
   Sample sample;
   sample.z = z / weight;
   sample.normal = Eigen::Vector3d(-slope_x / weight, -slope_y / weight, 1.0).normalized();
@@ -59,29 +69,10 @@ std::optional<GroundSurface::Sample> HeightGrid::at(double x, double y) const {
 }
 
 std::optional<double> HeightGrid::z_at(double x, double y) const {
-  if (!(std::abs(x) < kHalfSideM && std::abs(y) < kHalfSideM)) return std::nullopt;
-  const double u = (x + kHalfSideM) / kCellM - 0.5;
-  const double v = (y + kHalfSideM) / kCellM - 0.5;
-  // Both are above -1.
-  const int ix = static_cast<int>(u + 1.0) - 1;
-  const int iy = static_cast<int>(v + 1.0) - 1;
-  const double fx = u - ix;
-  const double fy = v - iy;
-  double weight = 0.0;
   double z = 0.0;
-  for (int corner = 0; corner < 4; ++corner) {
-    const int cx = ix + (corner & 1);
-    const int cy = iy + (corner >> 1);
-    if (cx < 0 || cy < 0 || cx >= kCellsPerSide || cy >= kCellsPerSide) continue;
-    const Node& n = node(cy * kCellsPerSide + cx);
-    if (n.confidence <= 0.0F) continue;
-    const double dx = (fx - (corner & 1)) * kCellM;
-    const double dy = (fy - (corner >> 1)) * kCellM;
-    const double w = (1.0 - std::abs(dx) / kCellM) * (1.0 - std::abs(dy) / kCellM) + 1e-6;
-    weight += w;
-    z += w * (n.z + n.slope_x * dx + n.slope_y * dy);
-  }
-  return weight > 1e-3 ? std::optional(z / weight) : std::nullopt;
+  const double weight =
+      for_nodes_around(x, y, [&](const Node&, double height, double w) { z += w * height; });
+  return weight > kLeastWeight ? std::optional(z / weight) : std::nullopt;
 }
 
 std::vector<int> HeightGrid::unknown_beside(const std::vector<int>& cells) const {

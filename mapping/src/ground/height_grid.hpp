@@ -56,6 +56,8 @@ class HeightGrid final : public GroundSurface {
   void tilt(const SeedPlane& plane);
 
  private:
+  template <typename Add>
+  double for_nodes_around(double x, double y, const Add& add) const;
   [[nodiscard]] std::vector<int> unknown_beside(const std::vector<int>& cells) const;
   [[nodiscard]] Node from_neighbours(int cell, float confidence) const;
   void iron(const std::vector<int>& cells);

@@ -14,8 +14,8 @@ struct SineAndVersine {
   double versine;
 };
 
-/// Of angles as a sensor turns within a scan by their series, whose first term left out is below
-/// 1e-17; a large part of reading a scan otherwise.
+/// By their series where angles are as small as a sensor turns within a scan; the first term left
+/// out is below 3e-17. The library's functions were a third of deskewing.
 SineAndVersine sine_and_versine(double angle_rad) {
   constexpr double kSmallRad = 0.15;
   if (!(std::abs(angle_rad) < kSmallRad)) return {std::sin(angle_rad), 1.0 - std::cos(angle_rad)};

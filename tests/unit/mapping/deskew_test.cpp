@@ -53,6 +53,11 @@ TEST(Deskew, StraightensAWallSeenByAMovingAndTurningSensor) {
   expect_straight(twist_of(20.0, -1.0, 0.5, 0.3, -0.2, 1.5));
 }
 
+TEST(Deskew, StraightensAWallSeenInAFastTurn) {
+  // 0.15 rad and more at both ends of the sweep.
+  expect_straight(twist_of(2.0, -1.0, 0.5, 0.5, -0.2, 5.0));
+}
+
 TEST(Deskew, StraightensAWallSeenWithoutTurning) { expect_straight(twist_of(20, 3, -1, 0, 0, 0)); }
 
 TEST(Deskew, TheTestedMotionBendsTheWallByMoreThanTheTolerance) {

@@ -177,7 +177,7 @@ TEST_P(VoxelNextLayers, AreWhatTheirDefinitionsSay) {
   static_cast<void>(network.heat_maps(neck, observer));
   EXPECT_EQ(found.size(), 6U + 12U + 3U + 2U);
   const std::map<std::string, Layer> expected =
-      reference_layers(weights, input, {grid.z, grid.y, grid.x}, found);
+      ReferenceNetwork(weights, &found).layers(input, {grid.z, grid.y, grid.x});
   for (const auto& [name, layer] : found) {
     SCOPED_TRACE(name);
     const Layer& truth = expected.at(name);

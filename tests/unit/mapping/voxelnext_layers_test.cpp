@@ -5,10 +5,12 @@
 #include "voxelnext_reference.hpp"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <limits>
 #include <set>
@@ -318,6 +320,48 @@ TEST(SparseConvolution, GivesTheSameBitsForAnyNumberOfThreads) {
   };
   const FeatureRows one = on_threads(1), four = on_threads(4);
   EXPECT_EQ(std::memcmp(one.data(), four.data(), sites.size() * one.stride() * sizeof(float)), 0);
+}
+
+class InstructionSets : public testing::Test {
+ protected:
+  static void use(std::int64_t targets) {
+    hwy::SetSupportedTargetsForTest(targets);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  }
+  void TearDown() override { use(0); }
+};
+
+TEST_F(InstructionSets, GiveTheSameBits) {
+  Random random(13);
+  const SiteSet sites = random_sites(random, {4, 20, 100}, 0.3);
+  const Rulebook book = Rulebook::submanifold(sites, {3, 3, 3});
+  const Convolution layer = random_convolution(random, 27, 20, 50);
+  const FeatureRows in = random_rows(random, sites.size(), 20);
+  const FeatureRows best = run(SparseConvolution(layer), book, in, true);
+  std::size_t sets = 0;
+  for (std::int64_t left = hwy::SupportedTargets(); left != 0; left &= left - 1, ++sets) {
+    use(left & -left);
+    const FeatureRows out = run(SparseConvolution(layer), book, in, true);
+    use(0);
+    EXPECT_EQ(std::memcmp(out.data(), best.data(), sites.size() * out.stride() * sizeof(float)), 0)
+        << hwy::TargetName(left & -left);
+  }
+  EXPECT_GE(sets, 2U);
+}
+
+TEST(SparseConvolution, ReadsTheLastColumnsOfRowsWhoseWidthIsNoWholeGroup) {
+  Random random(14);
+  const SiteSet sites = random_sites(random, {1, 4, 8}, 1.0);
+  const FeatureRows in = random_rows(random, sites.size(), 80);
+  const Convolution layer = random_convolution(random, 1, 20, 4);
+  FeatureRows out;
+  out.reshape(sites.size(), 4);
+  const mapping::CodedRows rows = mapping::coded(in);
+  SparseConvolution(layer).run(Rulebook::identity(sites.size()), {rows, 60}, out, {.relu = false});
+  Layer last = coded(layer_of(sites, in));
+  for (auto& [at, row] : last) row.erase(row.begin(), row.begin() + 60);
+  expect_near(layer_of(sites, out),
+              convolve(last, cells_of(last), coded(layer), {1, 1, 1}, {1, 1, 1}));
 }
 
 TEST(Rulebook, WorksWithoutAnyCell) {

@@ -166,96 +166,107 @@ inline void merge_onto(Layer& sum, const Layer& stage, int scale) {
   }
 }
 
-/// Last layers of branches whose hidden rows share steps.
-inline void add_last(std::vector<std::pair<std::string, Layer>>& hidden,
-                     const mapping::VoxelNextWeights& weights, std::map<std::string, Layer>& out) {
-  for (const auto& [cell, row] : hidden.front().second) {
-    std::vector<double*> values;
-    for (auto& [name, layer] : hidden) {
-      for (double& value : layer.at(cell)) values.push_back(&value);
-    }
-    round_to_steps(values, 127.0F);
-  }
-  for (const auto& [name, layer] : hidden)
-    out[name + ".1"] =
-        convolve(layer, cells_of(layer), coded(weights.layer(name + ".1")), {1, 1, 1}, {1, 1, 1});
-}
+/// The network once more, layer by layer.
+class ReferenceNetwork {
+ public:
+  /// @param found  layers of the network under test: then convolutions are of bytes, each from what
+  /// was found for the layer before, since a value at the border of two codes may take either.
+  /// None: convolutions are of floats.
+  explicit ReferenceNetwork(const mapping::VoxelNextWeights& weights,
+                            const std::map<std::string, Layer>* found = nullptr)
+      : weights_(weights), found_(found) {}
 
-/// Every layer of the network by name, each from what was found for the one before: a value at the
-/// border of two codes may take either.
-/// @param grid   of the input. @param found  layers of the network under test.
-inline std::map<std::string, Layer> reference_layers(const mapping::VoxelNextWeights& weights,
-                                                     const Layer& voxels, Cell grid,
-                                                     const std::map<std::string, Layer>& found) {
-  constexpr Cell kCube{3, 3, 3}, kSquare{1, 3, 3}, kOne{1, 1, 1}, kTwo{2, 2, 2};
-  const mapping::VoxelNextConfig& config = weights.config;
-  std::map<std::string, Layer> out;
-  const auto convolved = [](const Layer& in, const std::vector<Cell>& cells,
-                            const mapping::Convolution& layer, const Cell& kernel,
-                            const Cell& stride) {
-    return convolve(coded(in), cells, coded(layer), kernel, stride);
-  };
-  Layer x = relu(convolved(voxels, cells_of(voxels), weights.layer("input"), kCube, kOne));
-  out["input"] = x;
-  x = found.at("input");
-  Layer merged;
-  for (std::size_t i = 0; i < 6; ++i) {
-    const std::string stage = "stage" + std::to_string(i + 1);
-    if (i > 0) {
-      const int k = config.stages[i].kernel;
-      const std::vector<Cell> cells =
-          reached_cells(x, grid, {k, k, k}, kTwo, pruned_cells(x, config.pruning[i - 1]));
-      x = relu(convolved(x, cells, weights.layer(stage + ".down"), {k, k, k}, kTwo));
-      for (int& n : grid) n = (n + 2 * (k / 2) - k) / 2 + 1;
-      out[stage + ".down"] = x;
-      x = found.at(stage + ".down");
+  /// Every layer by name, from the input voxels. @param grid  of the input.
+  std::map<std::string, Layer> layers(const Layer& voxels, Cell grid) {
+    constexpr Cell kCube{3, 3, 3}, kSquare{1, 3, 3};
+    const mapping::VoxelNextConfig& config = weights_.config;
+    Layer x = taken("input", relu(convolved(voxels, cells_of(voxels), "input", kCube)));
+    Layer merged;
+    Cell merged_grid{};
+    for (std::size_t i = 0; i < 6; ++i) {
+      const std::string stage = "stage" + std::to_string(i + 1);
+      if (i > 0) {
+        constexpr Cell kTwo{2, 2, 2};
+        const int k = config.stages[i].kernel;
+        const std::vector<Cell> cells =
+            reached_cells(x, grid, {k, k, k}, kTwo, pruned_cells(x, config.pruning[i - 1]));
+        const std::string name = stage + ".down";
+        x = taken(name, relu(convolved(x, cells, name, {k, k, k}, kTwo)));
+        for (int& n : grid) n = (n + 2 * (k / 2) - k) / 2 + 1;
+      }
+      for (int j = 0; j < config.stages[i].blocks; ++j) {
+        const std::string block = stage + ".block" + std::to_string(j);
+        const std::string first = block + ".conv1", second = block + ".conv2";
+        const Layer y = taken(first, relu(convolved(x, cells_of(x), first, kCube)));
+        x = taken(second, relu(plus(convolved(y, cells_of(y), second, kCube), x)));
+      }
+      if (i >= 3) merge_onto(merged, x, 1 << (i - 3));
+      if (i == 3) merged_grid = {1, grid[1], grid[2]};
     }
-    for (int j = 0; j < config.stages[i].blocks; ++j) {
-      const std::string block = stage + ".block" + std::to_string(j);
-      const Layer y = relu(convolved(x, cells_of(x), weights.layer(block + ".conv1"), kCube, kOne));
-      out[block + ".conv1"] = y;
-      const Layer& y_found = found.at(block + ".conv1");
-      x = relu(plus(
-          convolved(y_found, cells_of(y_found), weights.layer(block + ".conv2"), kCube, kOne), x));
-      out[block + ".conv2"] = x;
-      x = found.at(block + ".conv2");
-    }
-    if (i >= 3) merge_onto(merged, x, 1 << (i - 3));
-    if (i == 3) out["stage4 grid"][grid] = {};
+    merged = taken("merge", merged);
+    const std::vector<Cell> cells = reached_cells(merged, merged_grid, kSquare, kOne);
+    x = taken("neck.out", relu(convolved(merged, cells, "neck.out", kSquare)));
+    x = taken("neck.shared", relu(convolved(x, cells_of(x), "neck.shared", kSquare)));
+    add_heads(x);
+    return std::move(layers_);
   }
-  out["merge"] = merged;
-  merged = found.at("merge");
-  const Cell grid4 = out["stage4 grid"].begin()->first;
-  x = relu(convolved(merged, reached_cells(merged, {1, grid4[1], grid4[2]}, kSquare, kOne),
-                     weights.layer("neck.out"), kSquare, kOne));
-  out["neck.out"] = x;
-  x = found.at("neck.out");
-  x = relu(convolved(x, cells_of(x), weights.layer("neck.shared"), kSquare, kOne));
-  out["neck.shared"] = x;
-  x = found.at("neck.shared");
-  const Cell head_kernel{1, config.head_kernel, config.head_kernel};
-  // Heat maps of all heads are side by side, and the other branches of each head: their rows share
-  // steps.
-  const auto hidden = [&](std::size_t h, mapping::VoxelNextBranch branch) {
-    const std::string name =
-        "head" + std::to_string(h) + "." + std::string(mapping::name_of(branch));
-    return std::pair(
-        name, relu(convolved(x, cells_of(x), weights.layer(name + ".0"), head_kernel, kOne)));
-  };
-  using mapping::VoxelNextBranch;
-  std::vector<std::pair<std::string, Layer>> heat, others;
-  for (std::size_t h = 0; h < config.heads.size(); ++h) {
-    heat.push_back(hidden(h, VoxelNextBranch::kHm));
-    others.clear();
-    for (const VoxelNextBranch branch : config.branches) {
-      if (branch != VoxelNextBranch::kHm && branch != VoxelNextBranch::kVel)
-        others.push_back(hidden(h, branch));
-    }
-    add_last(others, weights, out);
+
+ private:
+  static constexpr Cell kOne{1, 1, 1};
+  using Branches = std::vector<std::pair<std::string, Layer>>;
+
+  Layer convolved(const Layer& in, const std::vector<Cell>& cells, const std::string& layer,
+                  const Cell& kernel, const Cell& stride = kOne) const {
+    const mapping::Convolution& weights = weights_.layer(layer);
+    return found_ == nullptr ? convolve(in, cells, weights, kernel, stride)
+                             : convolve(coded(in), cells, coded(weights), kernel, stride);
   }
-  add_last(heat, weights, out);
-  return out;
-}
+
+  /// What the next layer takes.
+  Layer taken(const std::string& name, const Layer& layer) {
+    layers_[name] = layer;
+    return found_ == nullptr ? layer : found_->at(name);
+  }
+
+  void add_heads(const Layer& neck) {
+    using mapping::VoxelNextBranch;
+    const mapping::VoxelNextConfig& config = weights_.config;
+    const Cell kernel{1, config.head_kernel, config.head_kernel};
+    Branches heat;
+    for (std::size_t h = 0; h < config.heads.size(); ++h) {
+      Branches others;
+      for (const VoxelNextBranch branch : config.branches) {
+        if (branch == VoxelNextBranch::kVel) continue;
+        const std::string name =
+            "head" + std::to_string(h) + "." + std::string(mapping::name_of(branch));
+        Branches& side_by_side = branch == VoxelNextBranch::kHm ? heat : others;
+        side_by_side.emplace_back(name, relu(convolved(neck, cells_of(neck), name + ".0", kernel)));
+      }
+      add_last(std::move(others));
+    }
+    add_last(std::move(heat));
+  }
+
+  /// Last layers of branches. @param hidden  their first layers, whose rows share steps.
+  void add_last(Branches hidden) {
+    for (const auto& [cell, row] : hidden.front().second) {
+      std::vector<double*> values;
+      for (auto& [name, layer] : hidden) {
+        for (double& value : layer.at(cell)) values.push_back(&value);
+      }
+      if (found_ != nullptr) round_to_steps(values, 127.0F);
+    }
+    for (const auto& [name, layer] : hidden) {
+      const mapping::Convolution& weights = weights_.layer(name + ".1");
+      layers_[name + ".1"] = convolve(layer, cells_of(layer),
+                                      found_ != nullptr ? coded(weights) : weights, kOne, kOne);
+    }
+  }
+
+  const mapping::VoxelNextWeights& weights_;
+  const std::map<std::string, Layer>* found_;
+  std::map<std::string, Layer> layers_;
+};
 
 /// Random active cells and features.
 inline mapping::SiteSet random_sites(Random& random, const mapping::Triple& grid, double share) {

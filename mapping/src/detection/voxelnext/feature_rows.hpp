@@ -73,10 +73,14 @@ struct CodedRows {
   /// Of each row.
   std::unique_ptr<float[]> steps;
 
+  /// Channels that a convolution reads at once.
+  static constexpr std::size_t kGroup = 8;
+
   /// Values are whatever memory holds.
   void reshape(std::size_t rows, std::size_t channels) {
     stride = FeatureRows::padded(channels);
-    codes = std::make_unique_for_overwrite<std::uint8_t[]>(rows * stride);
+    // One group more: a convolution of the last columns reads whole groups.
+    codes = std::make_unique_for_overwrite<std::uint8_t[]>(rows * stride + kGroup);
     steps = std::make_unique_for_overwrite<float[]>(rows);
   }
   [[nodiscard]] std::uint8_t* row(std::size_t row) { return codes.get() + row * stride; }

@@ -23,10 +23,11 @@
 namespace stillmap::mapping {
 
 /// Channels that are summed up before sums widen to 32 bits.
-inline constexpr std::size_t kGroup = 8;
+inline constexpr std::size_t kGroup = CodedRows::kGroup;
 /// Neighbouring channels of one output in the weights.
 inline constexpr std::size_t kQuad = 4;
-/// So much of each sign: four products of such codes fit 16 bits, 4 * 127 * 63 < 2^15.
+/// Of either sign. The sum of four products with codes of features fits 16 bits:
+/// 4 * 127 * 63 < 2^15.
 inline constexpr float kMostWeightCode = 63.0F;
 
 /// Pairs of one kernel position on one panel of output columns.

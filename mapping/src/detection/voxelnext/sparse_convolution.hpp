@@ -65,8 +65,8 @@ class SparseConvolution {
   [[nodiscard]] std::size_t out_channels() const { return out_channels_; }
 
   /// Runs over all output rows on the threads of the caller's arena.
-  /// @param in   rows for each input cell of `book`, at least `in_channels` wide filled up to whole
-  /// groups of eight, times 0.
+  /// @param in   rows for each input cell of `book`, `in_channels` wide. Whole groups of channels
+  /// are read; what lies beyond the last channel counts nothing.
   /// @param out  rows for each output cell, `out_channels` wide filled up to whole lines, which
   /// become 0; not the input.
   void run(const Rulebook& book, CodedColumns in, Rows out, const ConvolutionEnd& end) const;
