@@ -2,6 +2,7 @@
 
 #include "deskew.hpp"
 #include "input_checks.hpp"
+#include "support.hpp"
 
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/small_matrices.hpp>
@@ -66,19 +67,17 @@ bool repeats_itself(const Search& search, const Candidate& found, const Matrix6d
   const maps::SymmetricEigen<3> eigen = maps::eigen_of(Eigen::Matrix3d(H.topLeftCorner<3, 3>()));
   const Eigen::Vector3d along = eigen.vectors.col(0);
   const std::size_t stride = std::max<std::size_t>(1, search.query.points.size() / kRepeatPoints);
-  const auto score = [&](const Eigen::Isometry3d& T) {
-    return score_at(levels, search.query, T, stride);
-  };
   const double reach_m = window_of(search.options.aligner,
                                    search.prior != nullptr ? reach_of(*search.prior) : std::nullopt)
                              .radius_m;
-  const double least = kRepeatShare * score(T_index_lidar);
+  const double least = kRepeatShare * score_at(levels, search.query, T_index_lidar, stride);
   std::vector<Candidate> alike;
   for (const double way : {-1.0, 1.0}) {
     Candidate best{T_index_lidar, least, found.window};
     for (double off_m = kDistinctM; off_m <= reach_m; off_m += kRepeatStepM) {
       const Eigen::Isometry3d T = T_index_lidar * Eigen::Translation3d(way * off_m * along);
-      if (const double here = score(T); here > best.score) best = {T, here, found.window};
+      const double here = score_above(best.score, levels, search.query, T, stride);
+      if (here > best.score) best = {T, here, found.window};
     }
     if (best.score > least) alike.push_back(best);
   }

@@ -100,8 +100,7 @@ class Sweep {
     const auto place = [&](std::size_t i) -> Eigen::Vector3f { return T * at_stamp_.positions[i]; };
     round.level.for_each_nearest(
         at_stamp_.size(), kernel_variance_m2(round.kernel_m), place,
-        [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
-          const Eigen::Vector3f p = place(i);
+        [&](std::size_t i, const Eigen::Vector3f& p, const MapIndex::Level::Nearest& nearest) {
           const Voxel* voxel = sharp_match(nearest, p, round.kernel_m);
           if (voxel == nullptr) return;
           const auto add = [&](const Eigen::Vector3f& axis, float variance_m2) {

@@ -6,7 +6,10 @@
 
 #include <fmt/format.h>
 
+#include <bit>
 #include <cmath>
+#include <cstdint>
+#include <span>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -18,6 +21,18 @@ namespace {
 constexpr double kSymmetryTolerance = 1e-6;
 /// Readers take no times beyond a second; a sweep takes 0.05 to 0.2 s.
 constexpr float kMaxTimeOffsetS = 10.0F;
+
+bool all_finite(std::span<const Eigen::Vector3f> points) {
+  if (points.empty()) return true;
+  static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float));
+  // All bits of the exponent are set in a number that is not finite. The compiler takes several
+  // integers at once.
+  constexpr std::uint32_t kExponent = 0x7F800000;
+  std::uint32_t others = 0;
+  for (const float number : std::span(points.front().data(), 3 * points.size()))
+    others |= (std::bit_cast<std::uint32_t>(number) & kExponent) == kExponent ? 1U : 0U;
+  return others == 0;
+}
 
 }  // namespace
 
@@ -33,9 +48,8 @@ void require_usable(const maps::PointCloud& scan_lidar) {
           "scan: found a time of {} s, expected within {} s of the stamp", t, kMaxTimeOffsetS));
     }
   }
-  bool finite = true;
-  for (const Eigen::Vector3f& p : scan_lidar.positions) finite = finite && p.allFinite();
-  if (!finite) throw std::invalid_argument("scan: a coordinate is not finite");
+  if (!all_finite(scan_lidar.positions))
+    throw std::invalid_argument("scan: a coordinate is not finite");
 }
 
 void require_usable(const ThinScan& scan_lidar, const AlignerOptions& options) {

@@ -31,8 +31,8 @@ NoiseInformation noise_information_of(const MapIndex::Level& level, const Query&
   const Eigen::Matrix3d R_lidar_index = T_index_lidar.linear().transpose();
   const auto place = [&](std::size_t i) -> Eigen::Vector3f { return T * query.points[i]; };
   NoiseInformation out;
-  const auto take = [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
-    const Eigen::Vector3f p = place(i);
+  const auto take = [&](std::size_t i, const Eigen::Vector3f& p,
+                        const MapIndex::Level::Nearest& nearest) {
     const Voxel* voxel = sharp_match(nearest, p, kernel_m);
     if (voxel == nullptr) return;
     const Eigen::Vector3d p_lidar = query.points[i].cast<double>();

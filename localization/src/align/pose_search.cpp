@@ -1,7 +1,9 @@
 #include "pose_search.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 
 namespace stillmap::localization {
 namespace {
@@ -17,6 +19,12 @@ constexpr double kTieShare = 0.03;
 constexpr double kAlikeShare = 0.9;
 /// Share of the best floor's hits from which another height is a floor too.
 constexpr double kFloorShare = 0.8;
+
+/// std::floor would be a call.
+int rounded_down(float at) {
+  const int towards_0 = static_cast<int>(at);
+  return towards_0 - (at < static_cast<float>(towards_0) ? 1 : 0);
+}
 
 /// Occupied cells around a place: one 64-bit word a column, a bit a cell of height.
 class Columns {
@@ -34,7 +42,15 @@ class Columns {
   }
 
   [[nodiscard]] Eigen::Array3i cell_of(const Eigen::Vector3f& p) const {
-    return (p / edge_m_).array().floor().cast<int>() - first_;
+    return Eigen::Array3i(rounded_down(p.x() / edge_m_), rounded_down(p.y() / edge_m_),
+                          rounded_down(p.z() / edge_m_)) -
+           first_;
+  }
+  /// 1 for each occupied cell of a height, x first, and `padding` numbers more.
+  void read_layer(int z, std::size_t padding, std::vector<std::uint16_t>& layer) const {
+    layer.resize(words_.size() + padding);
+    for (std::size_t i = 0; i < words_.size(); ++i)
+      layer[i] = static_cast<std::uint16_t>(words_[i] >> z & 1U);
   }
   [[nodiscard]] int side() const { return side_; }
   [[nodiscard]] const std::uint64_t* row(int x) const {
@@ -57,6 +73,11 @@ class Columns {
   std::vector<std::uint64_t> words_;
 };
 
+Eigen::Matrix3f R_of(int yaw) {
+  return Eigen::AngleAxisf(static_cast<float>(yaw * kYawStepRad), Eigen::Vector3f::UnitZ())
+      .toRotationMatrix();
+}
+
 struct Hypothesis {
   int yaw = 0, x = 0, y = 0;
   double score = 0.0;
@@ -78,23 +99,72 @@ std::vector<Eigen::Vector3f> points_to_try(const Query& query, const Eigen::Matr
   return some;
 }
 
-/// Adds each point's hits to the window of translations; `hits` is (2 n + 1)^2, x first.
-void count_hits(const Columns& columns, const std::vector<Eigen::Vector3f>& points, int n,
-                std::vector<int>& hits) {
-  const int width = 2 * n + 1;
-  for (const Eigen::Vector3f& p : points) {
-    const Eigen::Array3i c = columns.cell_of(p);
-    if (c.z() < 0 || c.z() >= kCellsOfHeight) continue;
-    if (c.x() - n < 0 || c.x() + n >= columns.side() || c.y() - n < 0 ||
-        c.y() + n >= columns.side())
-      continue;
-    for (int x = 0; x < width; ++x) {
-      const std::uint64_t* row = columns.row(c.x() + x - n) + (c.y() - n);
-      int* out = hits.data() + static_cast<std::ptrdiff_t>(x) * width;
-      for (int y = 0; y < width; ++y) out[y] += static_cast<int>((row[y] >> c.z()) & 1U);
+/// Hits of some points for all yaws and translations of a window.
+class Hits {
+ public:
+  Hits(int yaws, int n)
+      : yaws_(yaws),
+        n_(n),
+        width_(2 * n + 1),
+        padded_((static_cast<std::size_t>(width_) + kAtOnce - 1) / kAtOnce * kAtOnce),
+        hits_(static_cast<std::size_t>((2 * yaws + 1) * width_) * padded_) {}
+
+  [[nodiscard]] int at(int yaw, int x, int y) const {
+    return hits_[first_of(yaw, x) + static_cast<std::size_t>(y + n_)];
+  }
+
+  /// @param points  fewer than 65,536, relative to `centre` before they are turned.
+  void count(const Columns& columns, const std::vector<Eigen::Vector3f>& points,
+             const Eigen::Vector3f& centre) {
+    // A point stays in its layer of height. Layer by layer, what is read fits into the cache.
+    std::array<std::vector<Eigen::Vector3f>, kCellsOfHeight> by_layer;
+    for (const Eigen::Vector3f& p : points) {
+      const int z = columns.cell_of(p + centre).z();
+      if (z >= 0 && z < kCellsOfHeight) by_layer[static_cast<std::size_t>(z)].push_back(p);
+    }
+    std::vector<Eigen::Matrix3f> R_of_yaw;
+    for (int yaw = -yaws_; yaw <= yaws_; ++yaw) R_of_yaw.push_back(R_of(yaw));
+    std::vector<std::uint16_t> layer;
+    for (int z = 0; z < kCellsOfHeight; ++z) {
+      const std::vector<Eigen::Vector3f>& in_layer = by_layer[static_cast<std::size_t>(z)];
+      if (in_layer.empty()) continue;
+      columns.read_layer(z, padded_, layer);
+      for (int yaw = -yaws_; yaw <= yaws_; ++yaw) {
+        const Eigen::Matrix3f& R = R_of_yaw[static_cast<std::size_t>(yaw + yaws_)];
+        for (const Eigen::Vector3f& p : in_layer) {
+          const Eigen::Array3i c = columns.cell_of(R * p + centre);
+          if (c.x() - n_ < 0 || c.x() + n_ >= columns.side() || c.y() - n_ < 0 ||
+              c.y() + n_ >= columns.side())
+            continue;
+          add(layer.data() + (c.x() - n_) * columns.side() + c.y() - n_, columns.side(),
+              &hits_[first_of(yaw, -n_)]);
+        }
+      }
     }
   }
-}
+
+ private:
+  static constexpr std::size_t kAtOnce = 16;
+
+  [[nodiscard]] std::size_t first_of(int yaw, int x) const {
+    return static_cast<std::size_t>((yaw + yaws_) * width_ + x + n_) * padded_;
+  }
+  /// Adds a window of a layer, whose rows are `side` apart.
+  void add(const std::uint16_t* from, int side, std::uint16_t* to) const {
+    for (int x = 0; x < width_; ++x, from += side, to += padded_) {
+      for (std::size_t first = 0; first < padded_; first += kAtOnce)
+        add_row(from + first, to + first);
+    }
+  }
+  static void add_row(const std::uint16_t* __restrict from, std::uint16_t* __restrict to) {
+    for (std::size_t y = 0; y < kAtOnce; ++y) to[y] = static_cast<std::uint16_t>(to[y] + from[y]);
+  }
+
+  int yaws_, n_, width_;
+  /// Of a row: numbers behind its `width_` are never read.
+  std::size_t padded_;
+  std::vector<std::uint16_t> hits_;
+};
 
 /// Heights above a hypothesis [cells], up to `most`, around which what does not stand finds a floor
 /// as well: every second one, as a cell of slack and the alignment reach the others.
@@ -136,12 +206,13 @@ std::vector<Hypothesis> best_places(std::vector<Hypothesis>& all, std::size_t co
   while (best.size() < 3 * count && !all.empty()) {
     const Hypothesis top = *std::max_element(
         all.begin(), all.end(), [](const auto& a, const auto& b) { return a.score < b.score; });
-    if (best.size() >= count && top.score < kAlikeShare * best.front().score) break;
     best.push_back(top);
     std::erase_if(all, [&](const Hypothesis& h) { return same_place(h, top); });
     if (best.size() < count) continue;
+    const double least = kAlikeShare * best.front().score;
     std::erase_if(all, [&](const Hypothesis& h) {
-      return std::any_of(best.begin(), best.end(), [&](const auto& b) { return are_near(h, b); });
+      return h.score < least ||
+             std::any_of(best.begin(), best.end(), [&](const auto& b) { return are_near(h, b); });
     });
   }
   return best;
@@ -162,20 +233,17 @@ std::vector<Eigen::Isometry3d> search_poses(const MapIndex::Level& level,
   const int yaws = static_cast<int>(std::ceil(window.yaw_rad / kYawStepRad));
   const Columns columns(level, centre, static_cast<float>(kMaxSearchRangeM + edge_m * (n + 1)));
   const double farthest = std::max(1.0, away2({yaws, n, n}));
-  const std::size_t side = 2 * static_cast<std::size_t>(n) + 1;
+  Hits hits(yaws, n);
+  hits.count(columns, points, centre);
   std::vector<Hypothesis> all;
-  std::vector<Eigen::Vector3f> turned(points.size());
+  all.reserve(static_cast<std::size_t>((2 * yaws + 1) * (2 * n + 1) * (2 * n + 1)));
   for (int yaw = -yaws; yaw <= yaws; ++yaw) {
-    const Eigen::AngleAxisf R(static_cast<float>(yaw * kYawStepRad), Eigen::Vector3f::UnitZ());
-    const Eigen::Matrix3f R_yaw = R.toRotationMatrix();
-    for (std::size_t i = 0; i < points.size(); ++i) turned[i] = R_yaw * points[i] + centre;
-    std::vector<int> hits(side * side, 0);
-    count_hits(columns, turned, n, hits);
-    for (std::size_t k = 0; k < hits.size(); ++k) {
-      Hypothesis h{yaw, static_cast<int>(k / side) - n, static_cast<int>(k % side) - n, 0.0,
-                   hits[k]};
-      h.score = h.hits - kTieShare * static_cast<double>(points.size()) * away2(h) / farthest;
-      all.push_back(h);
+    for (int x = -n; x <= n; ++x) {
+      for (int y = -n; y <= n; ++y) {
+        Hypothesis h{yaw, x, y, 0.0, hits.at(yaw, x, y)};
+        h.score = h.hits - kTieShare * static_cast<double>(points.size()) * away2(h) / farthest;
+        all.push_back(h);
+      }
     }
   }
   const int floors = static_cast<int>(window.height_m / edge_m);
@@ -192,7 +260,7 @@ std::vector<Eigen::Isometry3d> search_poses(const MapIndex::Level& level,
     candidates.push_back(T);
     // Of the best alone: a query of a tower block has its bounds, too.
     if (level_points.empty() || ++looked_up_and_down > window.max_candidates) continue;
-    turned.resize(level_points.size());
+    std::vector<Eigen::Vector3f> turned(level_points.size());
     for (std::size_t i = 0; i < turned.size(); ++i) {
       turned[i] = R_yaw.toRotationMatrix().cast<float>() * level_points[i] + centre;
     }

@@ -14,7 +14,7 @@ constexpr float kColumnM = 2.0F;
 constexpr float kStandsAboveM = 0.6F;
 
 std::int32_t cell_of(float coordinate_m, float edge_m) {
-  return static_cast<std::int32_t>(std::floor(coordinate_m / edge_m)) + kCellsPerAxis / 2;
+  return thin_detail::cell_of(coordinate_m, edge_m);
 }
 
 }  // namespace

@@ -70,14 +70,15 @@ const ResidualRows& Matches::at(const Eigen::Isometry3d& T_index_lidar, float ke
   const auto place = [&](std::size_t i) -> Eigen::Vector3f {
     return R * points_lidar_[i * stride_] + t;
   };
-  moved_.clear();
+  moved_.resize(matches_.size());
+  std::size_t moved_count = 0;
   for (std::size_t i = 0; i < matches_.size(); ++i) {
-    if (!((place(i) - matches_[i].at).squaredNorm() < slack_m * slack_m)) moved_.push_back(i);
+    moved_[moved_count] = i;
+    moved_count += (place(i) - matches_[i].at).squaredNorm() < slack_m * slack_m ? 0 : 1;
   }
   level_.for_each_nearest(
-      moved_.size(), kernel_variance_m2(kernel_m), [&](std::size_t k) { return place(moved_[k]); },
-      [&](std::size_t k, const MapIndex::Level::Nearest& nearest) {
-        const Eigen::Vector3f p = place(moved_[k]);
+      moved_count, kernel_variance_m2(kernel_m), [&](std::size_t k) { return place(moved_[k]); },
+      [&](std::size_t k, const Eigen::Vector3f& p, const MapIndex::Level::Nearest& nearest) {
         matches_[moved_[k]] = {sharp_match(nearest, p, kernel_m), nearest.mean, p};
       });
   rows_.clear(t.cast<double>());

@@ -77,35 +77,19 @@ HWY_AFTER_NAMESPACE();
 namespace stillmap::localization {
 HWY_EXPORT(sum_rows);
 
-void ResidualRows::clear(const Eigen::Vector3d& new_centre) {
-  centre = new_centre;
-  count = 0;
+void ResidualRows::grow(std::size_t rows) {
   for (std::vector<float>* column :
        {&point_x, &point_y, &point_z, &normal_x, &normal_y, &normal_z, &offset, &variance_m2}) {
-    column->clear();
+    column->resize(rows);
   }
-}
-
-void ResidualRows::add(const Eigen::Vector3f& point_lidar, const Eigen::Vector3f& normal,
-                       float row_offset, float row_variance_m2) {
-  point_x.push_back(point_lidar.x());
-  point_y.push_back(point_lidar.y());
-  point_z.push_back(point_lidar.z());
-  normal_x.push_back(normal.x());
-  normal_y.push_back(normal.y());
-  normal_z.push_back(normal.z());
-  offset.push_back(row_offset);
-  variance_m2.push_back(row_variance_m2);
-  ++count;
 }
 
 void ResidualRows::pad() {
   const std::size_t padded = (count + kMostLanes - 1) / kMostLanes * kMostLanes;
-  for (std::vector<float>* column :
-       {&point_x, &point_y, &point_z, &normal_x, &normal_y, &normal_z, &offset}) {
-    column->resize(padded, 0.0F);
+  if (padded > offset.size()) grow(padded);
+  for (std::size_t row = count; row < padded; ++row) {
+    set(row, Eigen::Vector3f::Zero(), Eigen::Vector3f::Zero(), 0.0F, 1.0F);
   }
-  variance_m2.resize(padded, 1.0F);
 }
 
 AxisResidual axis_residual(const Eigen::Vector3d& axis, const Eigen::Vector3d& mean,

@@ -34,15 +34,35 @@ struct ResidualRows {
   std::vector<float> offset;                        ///< normal . (mean - centre) [m]
   std::vector<float> variance_m2;                   ///< of the residual, without the kernel's share
 
-  /// Rows that were added; the columns are longer once padded.
+  /// Rows that were added; the columns are longer, and keep their memory when cleared.
   std::size_t count = 0;
 
-  void clear(const Eigen::Vector3d& new_centre);
+  void clear(const Eigen::Vector3d& new_centre) {
+    centre = new_centre;
+    count = 0;
+  }
   void add(const Eigen::Vector3f& point_lidar, const Eigen::Vector3f& normal, float row_offset,
-           float row_variance_m2);
+           float row_variance_m2) {
+    if (count == offset.size()) grow(2 * count + kMostLanes);
+    set(count++, point_lidar, normal, row_offset, row_variance_m2);
+  }
   /// Fills the columns up with rows that add nothing to any sum, so that whole vectors can be read.
   /// To be called once after the last `add`.
   void pad();
+
+ private:
+  void grow(std::size_t rows);
+  void set(std::size_t row, const Eigen::Vector3f& point_lidar, const Eigen::Vector3f& normal,
+           float row_offset, float row_variance_m2) {
+    point_x[row] = point_lidar.x();
+    point_y[row] = point_lidar.y();
+    point_z[row] = point_lidar.z();
+    normal_x[row] = normal.x();
+    normal_y[row] = normal.y();
+    normal_z[row] = normal.z();
+    offset[row] = row_offset;
+    variance_m2[row] = row_variance_m2;
+  }
 };
 
 /// Distance of one point to a surface along an axis of it, and its derivative.

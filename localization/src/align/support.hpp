@@ -32,4 +32,10 @@ struct Support {
 [[nodiscard]] Support support_of(std::span<const MapIndex::Level> levels, const Query& query,
                                  const Eigen::Isometry3d& T_index_lidar, std::size_t stride = 1);
 
+/// `Support::score` of a pose, or 0 where it is less than `least`: of most such poses some of the
+/// points tell that.
+[[nodiscard]] double score_above(double least, std::span<const MapIndex::Level> levels,
+                                 const Query& query, const Eigen::Isometry3d& T_index_lidar,
+                                 std::size_t stride);
+
 }  // namespace stillmap::localization

@@ -6,7 +6,10 @@
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
+#include <span>
 
 namespace stillmap::localization {
 namespace {
@@ -17,9 +20,6 @@ constexpr float kProbeKernelM = 0.3F;
 /// A turn moves points at this many median ranges by `kProbeM`, at most those at `kLeverM`: within
 /// the walls of a room a turn over 15 m is less than the noise.
 constexpr float kLeverRanges = 1.5F;
-/// Deviations by which moving must worsen the fit. In a synthetic corridor the score along it stays
-/// within 2, on simulated highways with posts it is 4 to 7, in streets 11 and more.
-constexpr double kMinProbeScore = 4.0;
 constexpr std::size_t kProbeStride = 2;
 
 constexpr double kUnknownM = 10.0;
@@ -29,24 +29,38 @@ constexpr double kBendShareOfError = 0.2;
 /// deskewing.
 const Vector6d kFloor = (Vector6d() << 1e-3, 1e-3, 2e-3, 5e-5, 5e-5, 8e-5).finished();
 
-/// Costs of some of the points at a pose.
-std::vector<float> costs_at(const MapIndex::Level& level, const Query& query,
-                            const Eigen::Isometry3d& T_index_lidar) {
-  constexpr float kKernel2 = kProbeKernelM * kProbeKernelM;
-  const Eigen::Isometry3f T = T_index_lidar.cast<float>();
-  std::vector<float> costs((query.points.size() + kProbeStride - 1) / kProbeStride, 1.0F);
-  const auto place = [&](std::size_t i) -> Eigen::Vector3f {
-    return T * query.points[i * kProbeStride];
-  };
-  level.for_each_nearest(costs.size(), kernel_variance_m2(kProbeKernelM), place,
-                         [&](std::size_t i, const MapIndex::Level::Nearest& nearest) {
-                           const Eigen::Vector3f p = place(i);
-                           if (sharp_match(nearest, p, kProbeKernelM) == nullptr) return;
-                           const float distance2_m2 = across2_m2(nearest, p);
-                           costs[i] = distance2_m2 / (kKernel2 + distance2_m2);
-                         });
-  return costs;
-}
+/// Costs of some of the points at a pose, each in [0, 1]. The points are probed by number.
+class Probe {
+ public:
+  Probe(const MapIndex::Level& level, const Query& query)
+      : level_(level),
+        query_(query),
+        size_((query.points.size() + kProbeStride - 1) / kProbeStride) {}
+
+  [[nodiscard]] std::size_t size() const { return size_; }
+  /// Of the points `first` to `first + costs.size() - 1`.
+  void cost(std::size_t first, const Eigen::Isometry3d& T_index_lidar,
+            std::span<float> costs) const {
+    constexpr float kKernel2 = kProbeKernelM * kProbeKernelM;
+    const Eigen::Isometry3f T = T_index_lidar.cast<float>();
+    std::fill(costs.begin(), costs.end(), 1.0F);
+    level_.for_each_nearest(
+        costs.size(), kernel_variance_m2(kProbeKernelM),
+        [&](std::size_t i) -> Eigen::Vector3f {
+          return T * query_.points[(first + i) * kProbeStride];
+        },
+        [&](std::size_t i, const Eigen::Vector3f& p, const MapIndex::Level::Nearest& nearest) {
+          if (sharp_match(nearest, p, kProbeKernelM) == nullptr) return;
+          const float distance2_m2 = across2_m2(nearest, p);
+          costs[i] = distance2_m2 / (kKernel2 + distance2_m2);
+        });
+  }
+
+ private:
+  const MapIndex::Level& level_;
+  const Query& query_;
+  std::size_t size_;
+};
 
 /// Over what a turn is probed [m].
 double probe_lever_m(const Query& query) {
@@ -58,18 +72,6 @@ double probe_lever_m(const Query& query) {
   return std::min(kLeverM, static_cast<double>(kLeverRanges * *middle));
 }
 
-/// Mean rise from some costs to others, in deviations of that mean.
-double rise_score(const std::vector<float>& from, const std::vector<float>& to) {
-  double sum = 0.0;
-  double squares = 0.0;
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    const auto rise = static_cast<double>(to[i] - from[i]);
-    sum += rise;
-    squares += rise * rise;
-  }
-  return squares > 0.0 ? sum / std::sqrt(squares) : 0.0;
-}
-
 Matrix6d unknown_covariance() {
   Vector6d variances;
   variances << Eigen::Vector3d::Constant(kUnknownM * kUnknownM),
@@ -79,12 +81,39 @@ Matrix6d unknown_covariance() {
 
 }  // namespace
 
+bool rise(const std::vector<float>& here, const CostsThere& cost_there) {
+  constexpr std::size_t kAtOnce = 256;
+  std::array<float, kAtOnce> there;
+  double sum = 0.0;
+  double squares = 0.0;
+  // No cost falls by more than what it is here, nor changes by more than 1.
+  double most_fall = std::accumulate(here.begin(), here.end(), 0.0);
+  for (std::size_t first = 0; first < here.size(); first += kAtOnce) {
+    const std::span<float> costs = std::span(there).first(std::min(kAtOnce, here.size() - first));
+    cost_there(first, costs);
+    for (std::size_t i = 0; i < costs.size(); ++i) {
+      const float from = here[first + i];
+      const auto difference = static_cast<double>(costs[i] - from);
+      sum += difference;
+      squares += difference * difference;
+      most_fall -= static_cast<double>(from);
+    }
+    const auto left = static_cast<double>(here.size() - first - costs.size());
+    if (left > 0.0 && sum - most_fall > kMinProbeScore * std::sqrt(squares + left)) return true;
+  }
+  return squares > 0.0 && sum / std::sqrt(squares) > kMinProbeScore;
+}
+
 Observability observability_of(const MapIndex::Level& level, const Query& query,
                                const Eigen::Isometry3d& T_index_lidar, const Matrix6d& H) {
   const maps::SymmetricEigen<6> eigen = maps::eigen_of(in_metres(H));
-  const std::vector<float> here = costs_at(level, query, T_index_lidar);
-  const auto score_of = [&](const Vector6d& move) {
-    return rise_score(here, costs_at(level, query, T_index_lidar * maps::exp_se3(move)));
+  const Probe probe(level, query);
+  std::vector<float> here(probe.size());
+  probe.cost(0, T_index_lidar, here);
+  const auto is_worse = [&](const Vector6d& move) {
+    const Eigen::Isometry3d T = T_index_lidar * maps::exp_se3(move);
+    return rise(here,
+                [&](std::size_t first, std::span<float> costs) { probe.cost(first, T, costs); });
   };
   const double lever_m = probe_lever_m(query);
   Observability out;
@@ -92,8 +121,7 @@ Observability observability_of(const MapIndex::Level& level, const Query& query,
     const Vector6d direction = eigen.vectors.col(k);
     Vector6d move = kProbeM * direction;
     move.tail<3>() /= lever_m;
-    const double score = std::min(score_of(move), score_of(-move));
-    if (!(score > kMinProbeScore)) out.degenerate.push_back(direction);
+    if (!(is_worse(move) && is_worse(-move))) out.degenerate.push_back(direction);
     // Eigenvalues ascend: once three directions in a row hold, the stronger ones do.
     if (k >= 2 && out.degenerate.empty()) break;
   }

@@ -7,6 +7,60 @@
 #include <cstddef>
 #include <cstdint>
 
+// Compiled once for each instruction set, with as many points at once as it allows; the best one is
+// chosen when the program runs.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "index/cell_bits.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace stillmap::localization::HWY_NAMESPACE {
+
+/// See `CellBits::hits`. @param tiles  words of each tile.
+unsigned count_hits(const std::uint64_t* const* tiles, std::uint32_t tiles_along, float edge_m,
+                    const PointColumns& points, const Eigen::Vector3f& shift) {
+  // First all arithmetic, several points at once, then the look-ups.
+  constexpr std::size_t kAtOnce = 64;
+  std::array<std::uint32_t, kAtOnce> tile, place, bit, inside;
+  const float inverse_edge = 1.0F / edge_m;
+  const std::uint32_t columns = tiles_along << RegionColumns::kShift;
+  const float sx = shift.x() + static_cast<float>(kRegionM);
+  const float sy = shift.y() + static_cast<float>(kRegionM);
+  const float sz = shift.z();
+  unsigned count = 0;
+  for (std::size_t first = 0; first < points.x.size(); first += kAtOnce) {
+    const std::size_t n = std::min(kAtOnce, points.x.size() - first);
+    const float* x = points.x.data() + first;
+    const float* y = points.y.data() + first;
+    const float* z = points.z.data() + first;
+    for (std::size_t i = 0; i < n; ++i) {
+      const float px = x[i] + sx;
+      const float py = y[i] + sy;
+      const auto column = static_cast<std::uint32_t>(static_cast<std::int32_t>(px * inverse_edge));
+      const auto row = static_cast<std::uint32_t>(static_cast<std::int32_t>(py * inverse_edge));
+      // By sign bits, for comparisons would keep the compiler from taking several points at once.
+      // Negative coordinates round towards zero, onto the first column; there is nothing beside it.
+      const std::uint32_t outside = std::bit_cast<std::uint32_t>(px) |
+                                    std::bit_cast<std::uint32_t>(py) | column | row |
+                                    ~(column - columns) | ~(row - columns);
+      inside[i] = ~outside >> 31;
+      tile[i] = ((row >> RegionColumns::kShift) * tiles_along + (column >> RegionColumns::kShift)) &
+                (0U - inside[i]);
+      place[i] = RegionColumns::place_in_tile(column, row);
+      bit[i] = CellBits::height_bit(z[i] + sz) % 64U;
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      count += static_cast<unsigned>(tiles[tile[i]][place[i]] >> bit[i]) & inside[i];
+    }
+  }
+  return count;
+}
+
+}  // namespace stillmap::localization::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
 namespace stillmap::localization {
 namespace {
 
@@ -30,43 +84,10 @@ CellBits::CellBits(float edge_m, std::span<const Part> parts)
   }
 }
 
+HWY_EXPORT(count_hits);
+
 unsigned CellBits::hits(const PointColumns& points, const Eigen::Vector3f& shift) const {
-  // First all arithmetic, several points at once, then the look-ups.
-  constexpr std::size_t kAtOnce = 64;
-  std::array<std::uint32_t, kAtOnce> tile, place, bit, inside;
-  const float inverse_edge = 1.0F / edge_m_;
-  const std::uint32_t columns = tiles_along_ << RegionColumns::kShift;
-  const float sx = shift.x() + static_cast<float>(kRegionM);
-  const float sy = shift.y() + static_cast<float>(kRegionM);
-  const float sz = shift.z();
-  unsigned count = 0;
-  for (std::size_t first = 0; first < points.x.size(); first += kAtOnce) {
-    const std::size_t n = std::min(kAtOnce, points.x.size() - first);
-    const float* x = points.x.data() + first;
-    const float* y = points.y.data() + first;
-    const float* z = points.z.data() + first;
-    for (std::size_t i = 0; i < n; ++i) {
-      const float px = x[i] + sx;
-      const float py = y[i] + sy;
-      const auto column = static_cast<std::uint32_t>(static_cast<std::int32_t>(px * inverse_edge));
-      const auto row = static_cast<std::uint32_t>(static_cast<std::int32_t>(py * inverse_edge));
-      // By sign bits, for comparisons would keep the compiler from taking several points at once.
-      // Negative coordinates round towards zero, onto the first column; there is nothing beside it.
-      const std::uint32_t outside = std::bit_cast<std::uint32_t>(px) |
-                                    std::bit_cast<std::uint32_t>(py) | column | row |
-                                    ~(column - columns) | ~(row - columns);
-      inside[i] = ~outside >> 31;
-      tile[i] =
-          ((row >> RegionColumns::kShift) * tiles_along_ + (column >> RegionColumns::kShift)) &
-          (0U - inside[i]);
-      place[i] = RegionColumns::place_in_tile(column, row);
-      bit[i] = height_bit(z[i] + sz) % 64U;
-    }
-    for (std::size_t i = 0; i < n; ++i) {
-      count += static_cast<unsigned>(tiles_[tile[i]][place[i]] >> bit[i]) & inside[i];
-    }
-  }
-  return count;
+  return HWY_DYNAMIC_DISPATCH(count_hits)(tiles_.data(), tiles_along_, edge_m_, points, shift);
 }
 
 CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, float edge_m, int spread)
@@ -99,3 +120,4 @@ std::uint64_t& CellBitsTable::word_at(std::uint32_t x, std::uint32_t y) {
 }
 
 }  // namespace stillmap::localization
+#endif  // HWY_ONCE

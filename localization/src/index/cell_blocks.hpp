@@ -82,34 +82,71 @@ class CellBlocks {
     std::uint32_t voxel_count = 0;
   };
 
-  /// Some of eight voxels, each with its tile; only the first `count` are set.
-  struct Eight {
-    std::array<const Voxel*, 8> voxels;
-    std::array<const TileView*, 8> tiles;
-    std::size_t count = 0;
+  /// A block in which some of the eight cells around a point are looked for.
+  struct Wanted {
+    const TileView* tile;
+    /// Where the block is looked for first.
+    const Slot* slot;
+    /// Those of the eight, as bits.
+    std::uint64_t cells;
+    std::uint32_t key;
+    /// Number of the point.
+    std::uint32_t point;
   };
-  /// Those of the cells (x, y, z) to (x + 1, y + 1, z + 1); blocks in ascending order of x, y, z,
-  /// cells of a block in the order of their bits.
-  [[nodiscard]] Eight eight(std::int32_t x, std::int32_t y, std::int32_t z) const {
-    Eight found;
-    for_blocks_of_eight(x, y, z, [&](const TileView& tile, std::uint32_t key, std::uint64_t cells) {
-      const Slot* block = block_of(tile, key);
-      if (block == nullptr) return;
-      for (std::uint64_t left = block->mask & cells; left != 0; left &= left - 1) {
-        const Voxel* voxel = voxel_of_bit(tile, *block, left & (0 - left));
-        if (voxel == nullptr) continue;
-        found.voxels[found.count] = voxel;
-        found.tiles[found.count++] = &tile;
-      }
-    });
-    return found;
+  /// Blocks of the cells (x, y, z) to (x + 1, y + 1, z + 1), in ascending order of x, y, z. Asks
+  /// for the memory of their slots.
+  /// @param to  room for eight. @return where the next one goes.
+  Wanted* blocks_of_eight(std::int32_t x, std::int32_t y, std::int32_t z, std::uint32_t point,
+                          Wanted* to) const {
+    // A bit for each axis along which the two cells lie in two blocks: all subsets of these bits
+    // are visited. One loop, as each end of a loop is mispredicted.
+    const auto in_block = [](std::int32_t c) { return static_cast<std::uint32_t>(c) & 3U; };
+    const std::uint32_t across =
+        (in_block(x) + 1U) >> 2 << 2 | (in_block(y) + 1U) >> 2 << 1 | (in_block(z) + 1U) >> 2;
+    std::uint32_t next = 0;
+    do {
+      const std::uint32_t dx = next >> 2, dy = next >> 1 & 1U, dz = next & 1U;
+      next = (next - across) & across;
+      const auto block_x = (x >> 2) + static_cast<std::int32_t>(dx);
+      const auto block_y = (y >> 2) + static_cast<std::int32_t>(dy);
+      const TileView* tile = tile_of(block_x, block_y);
+      if (tile == nullptr) continue;
+      const std::uint32_t block_z =
+          static_cast<std::uint32_t>(z + static_cast<std::int32_t>(dz) - tile->first_z) >> 2;
+      if (block_z >= kBlocksOfHeight) continue;
+      const std::uint32_t key =
+          key_in_tile(static_cast<std::uint32_t>(block_x) & block_mask_,
+                      static_cast<std::uint32_t>(block_y) & block_mask_, block_z);
+      const Slot* slot = tile->slots + (mixed(key) >> tile->shift);
+      __builtin_prefetch(slot);
+      *to++ = {tile, slot,
+               kCellsOfX[cells_of(in_block(x), dx)] & kCellsOfY[cells_of(in_block(y), dy)] &
+                   kCellsOfZ[cells_of(in_block(z), dz)],
+               key, point};
+    } while (next != 0);
+    return to;
   }
-
-  /// Asks for the memory that `eight` will read.
-  void prefetch_eight(std::int32_t x, std::int32_t y, std::int32_t z) const {
-    for_blocks_of_eight(x, y, z, [&](const TileView& tile, std::uint32_t key, std::uint64_t) {
-      __builtin_prefetch(tile.slots + (mixed(key) >> tile.shift));
-    });
+  /// Those of its wanted cells that a block has, as bits; `slot` is the block's then.
+  [[nodiscard]] static std::uint64_t cells_in(Wanted& block) {
+    const auto is_other = [&] {
+      return static_cast<bool>(static_cast<int>(block.slot->key != block.key) &
+                               static_cast<int>(block.slot->mask != 0));
+    };
+    const TileView& tile = *block.tile;
+    for (std::uint32_t tried = 0; is_other() && tried <= tile.last_slot; ++tried) {
+      const auto next = static_cast<std::uint32_t>(block.slot - tile.slots) + 1;
+      block.slot = tile.slots + (next & tile.last_slot);
+    }
+    const std::uint64_t is_block = block.slot->key == block.key ? 1 : 0;
+    return block.slot->mask & block.cells & (0 - is_block);
+  }
+  /// Whether a part has all voxels that a block speaks of: a damaged file may not.
+  [[nodiscard]] static bool is_whole(const TileView& tile, const Slot& block) {
+    return std::uint64_t{block.first} + bits_of(block.mask) <= tile.voxel_count;
+  }
+  /// Number of a cell's voxel in its part. @param bit  of the cell.
+  [[nodiscard]] static std::uint32_t number_of(const Slot& block, std::uint64_t bit) {
+    return block.first + bits_of(block.mask & (bit - 1));
   }
 
   /// Calls `visit(cell, voxel, tile)` for the voxels of the blocks that touch the cells from `low`
@@ -152,41 +189,10 @@ class CellBlocks {
   static constexpr std::uint16_t kNone = 0xFFFF;
   static constexpr std::uint32_t kBlocksOfHeight = 1U << 19U;
 
-  /// Cells c and c + 1 of one axis as far as they lie in one block: its first of them, and which of
-  /// its four they are, as bits.
-  struct Span {
-    std::int32_t first = 0;
-    std::uint32_t cells = 0;
-  };
-  struct Spans {
-    std::array<Span, 2> of;
-    std::size_t count = 0;
-    explicit Spans(std::int32_t c) {
-      const std::uint32_t two = 3U << (static_cast<std::uint32_t>(c) & 3U);
-      of[count++] = {c, two & 15U};
-      if ((c & 3) == 3) of[count++] = {c + 1, 1U};
-    }
-  };
-  /// Calls `visit(tile, key, cells)`, with the wanted cells of the block as bits.
-  template <typename Visit>
-  void for_blocks_of_eight(std::int32_t x, std::int32_t y, std::int32_t z,
-                           const Visit& visit) const {
-    const Spans xs(x), ys(y), zs(z);
-    for (std::size_t i = 0; i < xs.count; ++i) {
-      for (std::size_t j = 0; j < ys.count; ++j) {
-        const TileView* tile = tile_of(xs.of[i].first, ys.of[j].first);
-        if (tile == nullptr) continue;
-        const std::uint32_t block_x = static_cast<std::uint32_t>(xs.of[i].first) >> 2 & block_mask_;
-        const std::uint32_t block_y = static_cast<std::uint32_t>(ys.of[j].first) >> 2 & block_mask_;
-        for (std::size_t k = 0; k < zs.count; ++k) {
-          const std::uint32_t block_z =
-              static_cast<std::uint32_t>(zs.of[k].first - tile->first_z) >> 2;
-          if (block_z >= kBlocksOfHeight) continue;
-          visit(*tile, key_in_tile(block_x, block_y, block_z),
-                kCellsOfX[xs.of[i].cells] & kCellsOfY[ys.of[j].cells] & kCellsOfZ[zs.of[k].cells]);
-        }
-      }
-    }
+  /// Which of a block's four cells along an axis are c and c + 1, as bits: of the block of c, or of
+  /// the one behind it.
+  static constexpr std::uint32_t cells_of(std::uint32_t c, std::uint32_t behind) {
+    return 3U << c >> 4 * behind & 15U;
   }
   /// Bits of a block's mask by which of the four cells of an axis are meant.
   static constexpr std::array<std::uint64_t, 16> spread(std::uint64_t one, std::uint32_t step) {
@@ -208,27 +214,13 @@ class CellBlocks {
     return static_cast<std::uint32_t>(v * 0x0101010101010101U >> 56);
   }
 
+  /// @param x, y  of a block.
   [[nodiscard]] const TileView* tile_of(std::int32_t x, std::int32_t y) const {
-    const auto column = static_cast<std::uint32_t>((x >> tile_shift_) - first_x_);
-    const auto row = static_cast<std::uint32_t>((y >> tile_shift_) - first_y_);
+    const auto column = static_cast<std::uint32_t>((x >> (tile_shift_ - 2)) - first_x_);
+    const auto row = static_cast<std::uint32_t>((y >> (tile_shift_ - 2)) - first_y_);
     if (column >= tiles_x_ || row >= tiles_y_) return nullptr;
     const std::uint16_t number = tile_at_[column * tiles_y_ + row];
     return number == kNone ? nullptr : &tiles_[number];
-  }
-  [[nodiscard]] static const Slot* block_of(const TileView& tile, std::uint32_t key) {
-    std::uint32_t slot = mixed(key) >> tile.shift;
-    for (std::uint32_t tried = 0; tried <= tile.last_slot;
-         ++tried, slot = (slot + 1) & tile.last_slot) {
-      if (tile.slots[slot].mask == 0) return nullptr;
-      if (tile.slots[slot].key == key) return &tile.slots[slot];
-    }
-    return nullptr;
-  }
-  /// Null where a damaged file says a number that is none.
-  [[nodiscard]] static const Voxel* voxel_of_bit(const TileView& tile, const Slot& block,
-                                                 std::uint64_t bit) {
-    const std::uint32_t number = block.first + bits_of(block.mask & (bit - 1));
-    return number < tile.voxel_count ? tile.voxels + number : nullptr;
   }
   template <typename Visit>
   static void visit_tile(const TileView& tile, const Eigen::Array2i& first_cell,
@@ -243,11 +235,11 @@ class CellBlocks {
       if (corner.x() > high.x() || corner.x() + 3 < low.x() || corner.y() > high.y() ||
           corner.y() + 3 < low.y())
         continue;
+      if (!is_whole(tile, block)) continue;
       for (std::uint64_t left = block.mask; left != 0; left &= left - 1) {
-        const Voxel* voxel = voxel_of_bit(tile, block, left & (0 - left));
+        const std::uint32_t number = number_of(block, left & (0 - left));
         const int bit = std::countr_zero(left);
-        if (voxel != nullptr)
-          visit(corner + Eigen::Array3i(bit >> 4, bit >> 2 & 3, bit & 3), *voxel, tile);
+        visit(corner + Eigen::Array3i(bit >> 4, bit >> 2 & 3, bit & 3), tile.voxels[number], tile);
       }
     }
   }

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -81,10 +82,17 @@ TEST(CellBlocks, VisitsTheEightCellsAroundAPointWhereverBlocksTilesAndPartsMeet)
           if (cells.contains(cell))
             expected.emplace_back(part.number_of(cell), in_second ? 0.F : -12.F);
         }
-        const CellBlocks::Eight eight = blocks.eight(x + first.x(), y + first.y(), z + first.z());
+        std::array<CellBlocks::Wanted, 8> wanted;
+        const CellBlocks::Wanted* const end =
+            blocks.blocks_of_eight(x + first.x(), y + first.y(), z + first.z(), 7, wanted.data());
         std::vector<std::pair<std::uint32_t, float>> visited;
-        for (std::size_t k = 0; k < eight.count; ++k)
-          visited.emplace_back(eight.voxels[k]->points, eight.tiles[k]->corner.x());
+        for (CellBlocks::Wanted* block = wanted.data(); block != end; ++block) {
+          EXPECT_EQ(block->point, 7U);
+          for (std::uint64_t left = CellBlocks::cells_in(*block); left != 0; left &= left - 1) {
+            const std::uint32_t number = CellBlocks::number_of(*block->slot, left & (0 - left));
+            visited.emplace_back(block->tile->voxels[number].points, block->tile->corner.x());
+          }
+        }
         std::sort(visited.begin(), visited.end());
         std::sort(expected.begin(), expected.end());
         ASSERT_EQ(visited, expected) << x << " " << y << " " << z;
@@ -117,7 +125,8 @@ TEST(CellBlocks, TellsTheCellsNearARectangle) {
 
 TEST(CellBlocks, EmptyOnesHoldNothing) {
   const CellBlocks blocks;
-  EXPECT_EQ(blocks.eight(0, 0, 0).count, 0U);
+  std::array<CellBlocks::Wanted, 8> wanted;
+  EXPECT_EQ(blocks.blocks_of_eight(0, 0, 0, 0, wanted.data()), wanted.data());
 }
 
 }  // namespace cell_blocks_test

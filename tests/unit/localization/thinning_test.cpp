@@ -4,8 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <random>
+#include <set>
 #include <vector>
 
 namespace stillmap::localization {
@@ -38,6 +41,30 @@ std::size_t beside_the_wall(const std::vector<Eigen::Vector3f>& points,
                             const std::vector<std::size_t>& kept) {
   return static_cast<std::size_t>(
       std::ranges::count_if(kept, [&](std::size_t i) { return points[i].x() < 9.0F; }));
+}
+
+TEST(OnePointACell, KeepsTheFirstPointOfEachCell) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  std::vector<Eigen::Vector3f> points = wall();
+  const std::vector<Eigen::Vector3f> drops = rain(3000);
+  points.insert(points.end(), drops.begin(), drops.end());
+  // Between them what is left out, and points on the borders of cells.
+  for (std::size_t i = 0; i < points.size(); i += 7) {
+    const Eigen::Vector3f others[] = {{0.0F, 0.0F, 0.0F},    {std::nanf(""), 1.0F, 1.0F},
+                                      {9.0F, kInfinity, 0},  {-1.0F, 1.0F, 0.5F},
+                                      {-3e9F, 3e9F, 1.0F},   {499.0F, 50.0F, 0.0F},
+                                      {-4.0F, -0.0F, -3.5F}, {-4.0F, 0.0F, -3.5F}};
+    points[i] = others[i % 8];
+  }
+  std::vector<std::size_t> expected;
+  std::set<std::array<float, 3>> cells;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3f& p = points[i];
+    if (!(p.norm() < 500.0F && p.norm() >= 2.7F)) continue;
+    const Eigen::Array3f cell = (p / 0.5F).array().floor();
+    if (cells.insert({cell.x(), cell.y(), cell.z()}).second) expected.push_back(i);
+  }
+  EXPECT_EQ(one_point_a_cell(points, 0.5F), expected);
 }
 
 TEST(OnePointACell, LeavesLonePointsOutAndKeepsSurfaces) {

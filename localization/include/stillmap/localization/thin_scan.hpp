@@ -36,8 +36,11 @@ struct ScanView {
   /// False where nothing came back: a number that is not finite, or 0, 0, 0.
   [[nodiscard]] bool is_point(std::size_t i) const {
     const auto [x, y, z] = point(i);
+    return is_point(x, y, z);
+  }
+  [[nodiscard]] static bool is_point(float x, float y, float z) {
     // A number that is not finite makes the first sum NaN.
-    return 0.0F * x + 0.0F * y + 0.0F * z == 0.0F && (x != 0.0F || y != 0.0F || z != 0.0F);
+    return (0.0F * x + 0.0F * y + 0.0F * z == 0.0F) & ((x != 0.0F) | (y != 0.0F) | (z != 0.0F));
   }
   /// 0 without times.
   [[nodiscard]] float time(std::size_t i) const {
@@ -88,21 +91,87 @@ inline float squared_range(const std::array<float, 3>& p) {
   return p[0] * p[0] + (p[1] * p[1] + p[2] * p[2]);
 }
 
-inline std::uint64_t key_of(const std::array<float, 3>& p, float edge_m) {
-  const auto cell_of = [&](float coordinate_m) {
-    // std::floor is a call of the library where the compiler may not use SSE 4.1.
-    const float cells = coordinate_m / edge_m;
-    const auto towards_0 = static_cast<std::int32_t>(cells);
-    return towards_0 - (cells < static_cast<float>(towards_0) ? 1 : 0) + maps::kCellsPerAxis / 2;
-  };
-  return maps::cell_key(cell_of(p[0]), cell_of(p[1]), cell_of(p[2]));
+/// For points that are left out: other numbers have no cell, nor has NaN.
+inline float in_range(float coordinate_m) {
+  const float below = coordinate_m < kMaxRangeM ? coordinate_m : kMaxRangeM;
+  return below > -kMaxRangeM ? below : -kMaxRangeM;
 }
+
+inline std::int32_t cell_of(float coordinate_m, float edge_m) {
+  // std::floor is a call of the library where the compiler may not use SSE 4.1.
+  const float cells = coordinate_m / edge_m;
+  const auto towards_0 = static_cast<std::int32_t>(cells);
+  return towards_0 - (cells < static_cast<float>(towards_0) ? 1 : 0) + maps::kCellsPerAxis / 2;
+}
+
+inline std::uint64_t key_of(const std::array<float, 3>& p, float edge_m) {
+  return maps::cell_key(cell_of(p[0], edge_m), cell_of(p[1], edge_m), cell_of(p[2], edge_m));
+}
+
+/// Some points of a scan, a column for each coordinate, so that the compiler takes several at once.
+struct ScanColumns {
+  static constexpr std::size_t kMost = 256;
+  std::array<float, kMost> x, y, z;
+  std::size_t size = 0;
+
+  /// Every `step`-th point from the first on. @return the first one that is not read.
+  std::size_t read(const ScanView& scan, std::size_t first, std::size_t step) {
+    const std::size_t left = (scan.size - first + step - 1) / step;
+    size = left < kMost ? left : kMost;
+    for (std::size_t i = 0; i < size; ++i, first += step) {
+      const std::array<float, 3> p = scan.point(first);
+      x[i] = p[0];
+      y[i] = p[1];
+      z[i] = p[2];
+    }
+    return first;
+  }
+  [[nodiscard]] float range2(std::size_t i) const { return squared_range({x[i], y[i], z[i]}); }
+};
+
+/// The cells of these points.
+struct CellColumns {
+  /// Of a point that is left out.
+  static constexpr std::int32_t kNone = std::numeric_limits<std::int32_t>::min();
+  std::array<std::int32_t, ScanColumns::kMost> x, y, z;
+  /// 0 for a point in the cell of the point before it.
+  std::array<std::int32_t, ScanColumns::kMost> differs;
+
+  CellColumns(const ScanColumns& points, float edge_m, float nearest2) {
+    // Loops without branches, so that the compiler takes several points at once.
+    for (std::size_t i = 0; i < points.size; ++i) {
+      x[i] = cell_of(in_range(points.x[i]), edge_m);
+      y[i] = cell_of(in_range(points.y[i]), edge_m);
+      z[i] = cell_of(in_range(points.z[i]), edge_m);
+    }
+    for (std::size_t i = 0; i < points.size; ++i) {
+      const float range2 = points.range2(i);
+      const bool is_kept =
+          (range2 < kMaxRangeM * kMaxRangeM) & (range2 >= nearest2) & (range2 != 0.0F);
+      x[i] = is_kept ? x[i] : kNone;
+    }
+    differs[0] = 1;
+    for (std::size_t i = 1; i < points.size; ++i)
+      differs[i] = (x[i] ^ x[i - 1]) | (y[i] ^ y[i - 1]) | (z[i] ^ z[i - 1]);
+  }
+};
 
 /// One point of each cell, and how many different points the cell has.
 struct Cells {
   float edge_m;
   std::vector<std::size_t> points;
+  std::vector<std::array<float, 3>> positions;
   std::vector<std::uint32_t> counts;
+
+  /// Counts points of a scan that follow each other in the cell, `of_run(0)` to `of_run(size - 1)`.
+  /// A point that is sent twice is alone still.
+  template <typename OfRun>
+  void count_run(std::uint32_t cell, std::size_t size, const OfRun& of_run) {
+    std::size_t i = 0;
+    while (counts[cell] == 1 && i < size)
+      if (of_run(i++) != positions[cell]) ++counts[cell];
+    counts[cell] += static_cast<std::uint32_t>(size - i);
+  }
 };
 
 /// Numbers of the cells within a range whose point is the only one in a cell of the edge `edge_m`,
@@ -112,34 +181,42 @@ struct LoneCells {
   double share = 0.0;
 };
 
-inline LoneCells lone_cells(const ScanView& scan, const Cells& cells, float edge_m, float from_m,
-                            float to_m) {
+/// @param ranges2  of the cells' points.
+inline LoneCells lone_cells(const Cells& cells, const std::vector<float>& ranges2, float edge_m,
+                            float from_m, float to_m) {
   constexpr float kDiagonal = 1.74F;
   const auto is_within = [&](std::size_t i, float near_m, float far_m) {
-    const float range2 = squared_range(scan.point(cells.points[i]));
-    return range2 >= near_m * near_m && range2 < far_m * far_m;
+    const float range2 = ranges2[i];
+    return (range2 >= near_m * near_m) & (range2 < far_m * far_m);
   };
-  const auto key = [&](std::size_t i) { return key_of(scan.point(cells.points[i]), edge_m); };
+  const auto key = [&](std::size_t i) { return key_of(cells.positions[i], edge_m); };
   LoneCells lone;
-  std::vector<std::size_t> single;
-  std::size_t points = 0;
+  // Without branches, which would be mispredicted often.
+  std::vector<std::size_t> single(cells.points.size());
+  std::size_t points = 0, singles = 0;
   for (std::size_t i = 0; i < cells.points.size(); ++i) {
-    if (!is_within(i, from_m, to_m)) continue;
-    points += cells.counts[i];
-    if (cells.counts[i] == 1) single.push_back(i);
+    const std::uint32_t counted = is_within(i, from_m, to_m) ? cells.counts[i] : 0;
+    points += counted;
+    single[singles] = i;
+    singles += counted == 1 ? 1 : 0;
   }
-  CellTable coarse(single.size());
-  std::vector<std::uint32_t> counts;
-  for (const std::size_t i : single)
-    if (coarse.insert(key(i)).second) counts.push_back(0);
-  const float margin_m = edge_m > cells.edge_m ? kDiagonal * edge_m : 0.0F;
-  for (std::size_t i = 0; i < cells.points.size(); ++i) {
-    if (!is_within(i, from_m - margin_m, to_m + margin_m)) continue;
-    const std::uint32_t cell = coarse.find(key(i));
-    if (cell != CellTable::kNone) counts[cell] += cells.counts[i];
+  single.resize(singles);
+  if (edge_m > cells.edge_m) {
+    CellTable coarse(single.size());
+    std::vector<std::uint32_t> counts;
+    for (const std::size_t i : single)
+      if (coarse.insert(key(i)).second) counts.push_back(0);
+    const float margin_m = kDiagonal * edge_m;
+    for (std::size_t i = 0; i < cells.points.size(); ++i) {
+      if (!is_within(i, from_m - margin_m, to_m + margin_m)) continue;
+      const std::uint32_t cell = coarse.find(key(i));
+      if (cell != CellTable::kNone) counts[cell] += cells.counts[i];
+    }
+    for (const std::size_t i : single)
+      if (counts[coarse.find(key(i))] <= 1) lone.cells.push_back(i);
+  } else {
+    lone.cells = std::move(single);
   }
-  for (const std::size_t i : single)
-    if (counts[coarse.find(key(i))] <= 1) lone.cells.push_back(i);
   const auto all = static_cast<double>(points > 0 ? points : 1);
   lone.share = static_cast<double>(lone.cells.size()) / all;
   return lone;
@@ -147,13 +224,16 @@ inline LoneCells lone_cells(const ScanView& scan, const Cells& cells, float edge
 
 /// Leaves out the cells whose point is the only one around it, as rain, dust and crosstalk give
 /// them.
-inline void leave_out_lone(const ScanView& scan, Cells& cells) {
+inline void leave_out_lone(Cells& cells) {
+  std::vector<float> ranges2;
+  ranges2.reserve(cells.positions.size());
+  for (const std::array<float, 3>& p : cells.positions) ranges2.push_back(squared_range(p));
   std::vector<LoneCells> by_range;
   std::size_t found = 0;
   float from_m = 0.0F;
   for (float edge_m = cells.edge_m; edge_m <= kMostLoneEdges * cells.edge_m; edge_m *= 2.0F) {
     const float to_m = kEdgesPerRange * edge_m;
-    by_range.push_back(lone_cells(scan, cells, edge_m, from_m, to_m));
+    by_range.push_back(lone_cells(cells, ranges2, edge_m, from_m, to_m));
     found += by_range.back().cells.size();
     from_m = to_m;
   }
@@ -189,10 +269,18 @@ struct ScanCounts {
   ScanCounts counts;
   counts.own_vehicle_m = own_m;
   std::size_t near = 0;
-  for (std::size_t i = 0; i < scan.size; ++i) {
-    const bool is_point = scan.is_point(i);
-    counts.points += is_point ? 1 : 0;
-    near += is_point && thin_detail::squared_range(scan.point(i)) < own_m * own_m ? 1 : 0;
+  thin_detail::ScanColumns columns;
+  for (std::size_t first = 0; first < scan.size;) {
+    first = columns.read(scan, first, 1);
+    std::uint32_t points_here = 0, near_here = 0;
+    for (std::size_t i = 0; i < columns.size; ++i) {
+      const std::uint32_t is_point =
+          ScanView::is_point(columns.x[i], columns.y[i], columns.z[i]) ? 1U : 0U;
+      points_here += is_point;
+      near_here += is_point & (columns.range2(i) < own_m * own_m ? 1U : 0U);
+    }
+    counts.points += points_here;
+    near += near_here;
   }
   counts.no_returns = scan.size - counts.points;
   const float share = static_cast<float>(near) / static_cast<float>(counts.points + 1);
@@ -209,31 +297,35 @@ struct ScanCounts {
                                                                Lone lone,
                                                                const ScanCounts& counts) {
   using namespace thin_detail;
-  Cells cells{cell_m, {}, {}};
-  CellTable table(counts.points / 8);
+  Cells cells{cell_m, {}, {}, {}};
+  std::vector<std::uint64_t> keys;
+  maps::CellIndex index(counts.points / 8);
   const std::size_t step = counts.points / kMaxRead + 1;
-  const float nearest2 = counts.nearest_m * counts.nearest_m;
-  std::uint64_t last_key = std::numeric_limits<std::uint64_t>::max();
-  std::uint32_t last_cell = 0;
-  for (std::size_t i = 0; i < scan.size; i += step) {
-    const std::array<float, 3> p = scan.point(i);
-    const float range2 = squared_range(p);
-    if (!(range2 < kMaxRangeM * kMaxRangeM) || range2 < nearest2 || range2 == 0.0F) continue;
+  ScanColumns points;
+  for (std::size_t first = 0; first < scan.size;) {
+    const std::size_t next = points.read(scan, first, step);
+    const CellColumns cell(points, cell_m, counts.nearest_m * counts.nearest_m);
     // Neighbours in a scan mostly lie in one cell.
-    const std::uint64_t key = key_of(p, cell_m);
-    const bool is_same = key == last_key;
-    const auto [cell, inserted] = is_same ? std::pair(last_cell, false) : table.insert(key);
-    last_key = key;
-    last_cell = cell;
-    if (inserted) {
-      cells.points.push_back(i);
-      cells.counts.push_back(1);
-    } else if (cells.counts[cell] > 1 || p != scan.point(cells.points[cell])) {
-      // A point that is sent twice is alone still.
-      ++cells.counts[cell];
+    for (std::size_t i = 0, end = 0; i < points.size; i = end) {
+      for (end = i + 1; end < points.size && cell.differs[end] == 0;) ++end;
+      if (cell.x[i] == CellColumns::kNone) continue;
+      const auto of_run = [&](std::size_t k) {
+        return std::array<float, 3>{points.x[i + k], points.y[i + k], points.z[i + k]};
+      };
+      const std::uint64_t key = maps::cell_key(cell.x[i], cell.y[i], cell.z[i]);
+      const auto [number, is_new] =
+          index.insert(key, [&](std::uint32_t known) { return keys[known]; });
+      if (is_new) {
+        keys.push_back(key);
+        cells.points.push_back(first + i * step);
+        cells.positions.push_back(of_run(0));
+        cells.counts.push_back(1);
+      }
+      cells.count_run(number, end - i, of_run);
     }
+    first = next;
   }
-  if (lone == Lone::kLeftOut && counts.points >= kSparsePoints) leave_out_lone(scan, cells);
+  if (lone == Lone::kLeftOut && counts.points >= kSparsePoints) leave_out_lone(cells);
   return std::move(cells.points);
 }
 
