@@ -44,4 +44,28 @@ inline std::string write_package(const std::filesystem::path& target, int seed,
   return writer.publish(manifest, "{}");
 }
 
+/// Tiles of packages that share one: `kSharedTile` is the same for all seeds, `kOwnTile` is not.
+inline constexpr maps::TileId kSharedTile{0, 0, 0}, kOwnTile{0, 40, 0};
+/// @return the digest.
+inline std::string write_sharing_package(const std::filesystem::path& target, int seed) {
+  const auto points = [](int of, float x) {
+    std::vector<maps::MapPoint> tile(3000);
+    for (std::size_t i = 0; i < tile.size(); ++i)
+      tile[i] = {x + static_cast<float>(i % 19U),
+                 static_cast<float>(of),
+                 0,
+                 0,
+                 1,
+                 maps::PointKind::kMeasured,
+                 0};
+    return tile;
+  };
+  maps::MapPackageWriter writer(target);
+  writer.add_tile(kSharedTile, points(0, 0.0F));
+  writer.add_tile(kOwnTile, points(seed, 800.0F));
+  maps::MapManifest manifest;
+  manifest.frame_id = "map";
+  return writer.publish(manifest, "{}");
+}
+
 }  // namespace stillmap::test

@@ -275,6 +275,18 @@ std::shared_ptr<const MapIndex> MapIndex::open(const maps::MapPackage& map,
   return index;
 }
 
+void MapIndex::begin_with(const maps::MapPackage& map, const maps::MapPackage& other,
+                          const MapIndexOptions& options) {
+  for (const maps::RegionId id : map.regions()) {
+    const std::filesystem::path from = region_file_of(other.folder(), options, id);
+    const std::filesystem::path to = region_file_of(map.folder(), options, id);
+    std::error_code error;
+    std::filesystem::create_directories(to.parent_path(), error);
+    std::filesystem::create_hard_link(from, to, error);
+    if (error) std::filesystem::copy_file(from, to, error);
+  }
+}
+
 std::shared_ptr<const MapIndex> MapIndex::build(const maps::MapPackage& map,
                                                 const MapIndexOptions& options) {
   require_usable(options);

@@ -40,6 +40,18 @@ struct FileCloser {
 
 }  // namespace
 
+TopView TopView::of_tiles(const std::vector<maps::TileId>& tiles) {
+  constexpr int kSide = 1600;
+  // Of whole tiles: what is in them need not be known.
+  Eigen::AlignedBox2d box;
+  for (const maps::TileId id : tiles) {
+    const Eigen::Vector2d corner(id.x * maps::kTileSizeM, id.y * maps::kTileSizeM);
+    box.extend(corner);
+    box.extend(corner + Eigen::Vector2d::Constant(maps::kTileSizeM));
+  }
+  return {box.min(), box.max(), kSide};
+}
+
 TopView::TopView(const Eigen::Vector2d& min, const Eigen::Vector2d& max, int longest_side)
     : min_(min) {
   const Eigen::Vector2d extent = max - min;

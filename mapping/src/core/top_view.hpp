@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stillmap/maps/box.hpp>
+#include <stillmap/maps/map_tile.hpp>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -27,6 +28,10 @@ class TopView {
   /// @param longest_side  pixels of the longer side, in [16, 8192].
   /// @throws std::invalid_argument when a bound is broken.
   TopView(const Eigen::Vector2d& min, const Eigen::Vector2d& max, int longest_side);
+
+  /// A map's preview: all of some tiles, 1600 pixels along its longer side.
+  /// @param tiles  at least one.
+  static TopView of_tiles(const std::vector<maps::TileId>& tiles);
 
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }

@@ -30,7 +30,6 @@ using Clock = std::chrono::steady_clock;
 
 /// As in a build.
 constexpr std::size_t kMostVoxels = 5'000'000;
-constexpr int kPictureSide = 1600;
 /// Floats are 2 mm coarse from here on, and 16 mm from there.
 constexpr double kCoarseFromM = 16384.0;
 constexpr double kTooCoarseFromM = 131072.0;
@@ -338,13 +337,7 @@ struct Import {
 void write_tiles(const Import& import, int threads, const ProgressCallback& progress,
                  const CancelFlag& cancel) {
   const std::vector<maps::TileId> ids = import.stack.tiles();
-  Eigen::Array2i low(ids.front().x, ids.front().y), high = low;
-  for (const maps::TileId& id : ids) {
-    low = low.min(Eigen::Array2i(id.x, id.y));
-    high = high.max(Eigen::Array2i(id.x, id.y));
-  }
-  TopView preview(low.cast<double>().matrix() * maps::kTileSizeM,
-                  (high + 1).cast<double>().matrix() * maps::kTileSizeM, kPictureSide);
+  TopView preview = TopView::of_tiles(ids);
   std::size_t done = 0;
   process_in_order(
       ids.size(), threads,

@@ -23,8 +23,6 @@
 namespace stillmap::mapping {
 namespace {
 
-constexpr int kPictureSide = 1600;
-
 /// The drives' scans for cleaning methods that read them again.
 class DriveScans final : public ScanSource {
  public:
@@ -244,18 +242,6 @@ std::vector<RegionTiles> regions_of(const std::vector<maps::TileId>& ids) {
   return in_order;
 }
 
-/// Of whole tiles, since what is in them is not known before.
-TopView empty_picture(const std::vector<maps::TileId>& tiles) {
-  Eigen::Vector2d min = Eigen::Vector2d::Constant(std::numeric_limits<double>::max());
-  Eigen::Vector2d max = -min;
-  for (const maps::TileId& id : tiles) {
-    const Eigen::Vector2d corner(id.x * maps::kTileSizeM, id.y * maps::kTileSizeM);
-    min = min.cwiseMin(corner);
-    max = max.cwiseMax(corner + Eigen::Vector2d::Constant(maps::kTileSizeM));
-  }
-  return {min, max, kPictureSide};
-}
-
 }  // namespace
 
 void finish_tiles(Build& build) {
@@ -272,7 +258,7 @@ void finish_tiles(Build& build) {
     whole = moved_in_whole(build, *task.cleaner);
   }
   const TileWork work(build);
-  TopView preview = empty_picture(ids);
+  TopView preview = TopView::of_tiles(ids);
   ConsistencySum consistency;
   std::size_t done = 0;
   for (const char* count : {"cleaned", "filled", "static"}) result.points[count] = 0;

@@ -180,6 +180,7 @@ maps::MapManifest manifest_of(const Build& build) {
   if (const auto& frame = build.frame) {
     manifest.frame_id = frame->frame_id;
     manifest.registration = frame->registration;
+    if (options.follows_map) manifest.options["follows_map"] = "on";
     manifest.sources["registered_to"] = frame->registration.previous_digest;
   }
   return manifest;

@@ -65,20 +65,29 @@ class Cells {
 
 bool is_ground(maps::PointKind kind) { return kind != maps::PointKind::kMeasured; }
 
+/// Of level 0. @param choice  may be empty.
+std::vector<maps::TileId> chosen(const maps::MapPackage& map, const TileChoice& choice) {
+  std::vector<maps::TileId> ids;
+  for (const maps::TileEntry& entry : map.tiles())
+    if (entry.id.level == 0 && (!choice || choice(entry.id))) ids.push_back(entry.id);
+  return ids;
+}
+
 template <typename Visit>
-void for_each_point(const maps::MapPackage& map, const CancelFlag& cancel, const Visit& visit) {
-  for (const maps::TileEntry& entry : map.tiles()) {
-    if (entry.id.level != 0) continue;
+void for_each_point(const maps::MapPackage& map, const TileChoice& tiles, const CancelFlag& cancel,
+                    const Visit& visit) {
+  for (const maps::TileId id : chosen(map, tiles)) {
     if (cancel) throw Cancelled();
-    const maps::MapTile tile = map.tile(entry.id);
+    const maps::MapTile tile = map.tile(id);
     for (const maps::MapPoint& point : tile) visit(tile.position(point), point.kind);
   }
 }
 
 /// @param T  takes the package's points to the frame of the cells.
-Cells ground_of(const maps::MapPackage& map, const Eigen::Isometry3d& T, const CancelFlag& cancel) {
+Cells ground_of(const maps::MapPackage& map, const Eigen::Isometry3d& T, const TileChoice& tiles,
+                const CancelFlag& cancel) {
   Cells cells;
-  for_each_point(map, cancel, [&](const Eigen::Vector3d& p, maps::PointKind kind) {
+  for_each_point(map, tiles, cancel, [&](const Eigen::Vector3d& p, maps::PointKind kind) {
     if (is_ground(kind)) cells.insert(T * p);
   });
   return cells;
@@ -160,9 +169,10 @@ std::vector<ScanTime> scan_times(const maps::MapPackage& map) {
 }
 
 /// The measured points, from the map's origin.
-PointCells measured_of(const maps::MapPackage& map, double far_m, const CancelFlag& cancel) {
+PointCells measured_of(const maps::MapPackage& map, double far_m, const TileChoice& tiles,
+                       const CancelFlag& cancel) {
   std::vector<Eigen::Vector3f> points;
-  for_each_point(map, cancel, [&](const Eigen::Vector3d& p, maps::PointKind kind) {
+  for_each_point(map, tiles, cancel, [&](const Eigen::Vector3d& p, maps::PointKind kind) {
     if (maps::is_measured(kind)) points.emplace_back((p - map.manifest().origin).cast<float>());
   });
   return {std::move(points), far_m};
@@ -258,9 +268,10 @@ ConsistencyPair paired(const std::vector<SurfaceCell>& previous,
 double StaticLoss::rate() const { return share_of(lost, points); }
 
 GroundCoverage ground_coverage(const maps::MapPackage& previous, const maps::MapPackage& map,
-                               const Eigen::Isometry3d& T_map_previous, const CancelFlag& cancel) {
-  const Cells found = ground_of(map, Eigen::Isometry3d::Identity(), cancel);
-  const Cells before = ground_of(previous, T_map_previous, cancel);
+                               const Eigen::Isometry3d& T_map_previous, const CancelFlag& cancel,
+                               const TileChoice& tiles) {
+  const Cells found = ground_of(map, Eigen::Isometry3d::Identity(), tiles, cancel);
+  const Cells before = ground_of(previous, T_map_previous, tiles, cancel);
   const Cells driven = along(previous, T_map_previous, kDrivenM);
   const Cells near_path = along(previous, T_map_previous, kNearPathM);
   GroundCoverage coverage;
@@ -281,19 +292,18 @@ GroundCoverage ground_coverage(const maps::MapPackage& previous, const maps::Map
 
 StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map,
                        const Eigen::Isometry3d& T_map_keep, const ProgressCallback& progress,
-                       const CancelFlag& cancel) {
+                       const CancelFlag& cancel, const TileChoice& tiles) {
   const double far_m = std::max(kFarM, kFarVoxels * map.manifest().voxel_size_m);
-  const PointCells measured = measured_of(map, far_m, cancel);
+  const PointCells measured = measured_of(map, far_m, tiles, cancel);
   const RemovedBoxes removed(map);
   const std::vector<ScanTime> times = scan_times(keep);
   StaticLoss loss;
   std::size_t done = 0;
-  const std::vector<maps::TileEntry> entries = keep.tiles();
-  for (const maps::TileEntry& entry : entries) {
-    if (entry.id.level != 0) continue;
+  const std::vector<maps::TileId> ids = chosen(keep, tiles);
+  for (const maps::TileId id : ids) {
     if (cancel) throw Cancelled();
-    const maps::MapTile tile = keep.tile(entry.id);
-    const std::vector<maps::PointHistory> history = keep.history(entry.id);
+    const maps::MapTile tile = keep.tile(id);
+    const std::vector<maps::PointHistory> history = keep.history(id);
     if (history.size() != tile.size())
       throw maps::InputError(keep.folder().string(), "a tile without histories",
                              "a map that says when its points were seen");
@@ -305,21 +315,21 @@ StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map
       const Eigen::Vector3f p_local = (p_map - map.manifest().origin).cast<float>();
       if (!measured.any_within(p_local, far_m)) ++loss.lost;
     }
-    if (progress) progress("compare", ++done, entries.size());
+    if (progress) progress("compare", ++done, ids.size());
   }
   return loss;
 }
 
 ConsistencyChange consistency_change(const maps::MapPackage& previous, const maps::MapPackage& map,
                                      const Eigen::Isometry3d& T_map_previous, int threads,
-                                     const ProgressCallback& progress, const CancelFlag& cancel) {
+                                     const ProgressCallback& progress, const CancelFlag& cancel,
+                                     const TileChoice& tiles) {
   const double voxel_size_m = map.manifest().voxel_size_m;
   if (previous.manifest().voxel_size_m != voxel_size_m) return {};
   const auto under = tiles_under(previous, map, T_map_previous);
   std::vector<maps::TileId> common;
-  for (const maps::TileEntry& tile : map.tiles()) {
-    if (tile.id.level == 0 && under.contains(tile.id)) common.push_back(tile.id);
-  }
+  for (const maps::TileId id : chosen(map, tiles))
+    if (under.contains(id)) common.push_back(id);
   ConsistencyPair sum;
   std::size_t done = 0;
   process_in_order(

@@ -7,8 +7,12 @@
 #include <Eigen/Geometry>
 
 #include <cstdint>
+#include <functional>
 
 namespace stillmap::mapping {
+
+/// Which tiles of a map of some frame are looked at; empty: all.
+using TileChoice = std::function<bool(maps::TileId)>;
 
 /// How much of one version's ground another one has, both seen from above, in cells of 1 m.
 struct GroundCoverage {
@@ -22,11 +26,13 @@ struct GroundCoverage {
 
 /// Ground is measured, projected or filled. Roads over each other count once.
 /// @param T_map_previous  takes points of the previous version to the new one's frame.
+/// @param tiles           of both; with a choice their frames are one.
 /// @throws maps::InputError for a broken package, Cancelled.
 [[nodiscard]] GroundCoverage ground_coverage(const maps::MapPackage& previous,
                                              const maps::MapPackage& map,
                                              const Eigen::Isometry3d& T_map_previous,
-                                             const CancelFlag& cancel);
+                                             const CancelFlag& cancel,
+                                             const TileChoice& tiles = {});
 
 /// What of the map that keeps everything is not in the new one although nothing says that it moved.
 struct StaticLoss {
@@ -43,10 +49,12 @@ struct StaticLoss {
 /// as lost, so the figure is an upper bound; what a wrong box took does not count, and localization
 /// has to tell.
 /// @param T_map_keep  takes points of the keep map to the new one's frame.
+/// @param tiles       of the new map, and of the keep map: with a choice their frames are one.
 /// @throws maps::InputError for a broken package, or a keep map without histories; Cancelled.
 [[nodiscard]] StaticLoss static_loss(const maps::MapPackage& keep, const maps::MapPackage& map,
                                      const Eigen::Isometry3d& T_map_keep,
-                                     const ProgressCallback& progress, const CancelFlag& cancel);
+                                     const ProgressCallback& progress, const CancelFlag& cancel,
+                                     const TileChoice& tiles = {});
 
 /// How well the scans of two versions agree, where both have points.
 struct ConsistencyChange {
@@ -59,11 +67,13 @@ struct ConsistencyChange {
 /// averaged away.
 /// @param T_map_previous  takes points of the previous version to the new one's frame.
 /// @param threads         0 = all cores. The result is the same bits for any number.
+/// @param tiles           of the new version.
 /// @throws maps::InputError for a broken package, Cancelled.
 [[nodiscard]] ConsistencyChange consistency_change(const maps::MapPackage& previous,
                                                    const maps::MapPackage& map,
                                                    const Eigen::Isometry3d& T_map_previous,
                                                    int threads, const ProgressCallback& progress,
-                                                   const CancelFlag& cancel);
+                                                   const CancelFlag& cancel,
+                                                   const TileChoice& tiles = {});
 
 }  // namespace stillmap::mapping

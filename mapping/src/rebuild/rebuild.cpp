@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 #include <sys/stat.h>
+#include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/peak_memory.hpp>
@@ -23,6 +24,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -49,6 +51,7 @@ RebuildOptions completed(RebuildOptions options) {
   options.build.journal_folder = options.work / "journal";
   options.build.detect_always = true;
   if (options.previous) options.build.register_to = options.previous;
+  options.build.follows_map = options.patch;
   return options;
 }
 
@@ -64,6 +67,10 @@ void require_usable(const RebuildOptions& options) {
     throw std::invalid_argument(
         "register_to (--register-to): found beside a previous version (--previous), expected one "
         "of them: leave one out");
+  if (options.patch && !options.previous)
+    throw std::invalid_argument(
+        "patch (--patch): found without a previous version, expected --previous MAP: a patch is of "
+        "a map");
   if (const auto broken = options.limits.violations(); !broken.empty())
     throw std::invalid_argument("gate limits: " + broken.front());
 }
@@ -74,7 +81,11 @@ std::string key_of(const RebuildOptions& options) {
   key += fmt::format("previous: {}\n",
                      options.previous ? maps::MapPackage::open(*options.previous)->digest() : "");
   if (const auto& map = options.build.register_to)
-    key += fmt::format("registered to: {}\n", maps::MapPackage::open(*map)->digest());
+    key += fmt::format("registered to: {}{}\n", maps::MapPackage::open(*map)->digest(),
+                       options.build.follows_map ? ", followed" : "");
+  if (options.patch)
+    key += fmt::format("patch: {} m, {}\n", options.patch_options.most_seam_m,
+                       options.patch_options.least_seen);
   if (options.held_back) {
     const std::vector<maps::Drive> judge{held_back_drive(options)};
     const MapBuildOptions whole;
@@ -182,18 +193,17 @@ class Rebuild {
   RebuildResult run() {
     require_one_file_system(options_.work, options_.map);
     const fs::path place = built();
-    const auto map = maps::MapPackage::open(place);
-    report_.digest = map->digest();
-    report_.map_bytes = bytes_of(*map);
-    add_warnings("map", *map);
-    const auto keep = kept();
-    report_.keep_digest = keep->digest();
-    add_warnings("keep", *keep);
+    const Maps all{maps::MapPackage::open(place), of_drives_alone(place), kept()};
+    report_.digest = all.map->digest();
+    report_.map_bytes = bytes_of(*all.map);
+    add_warnings("map", *all.of_drives);
+    report_.keep_digest = all.keep->digest();
+    add_warnings("keep", *all.keep);
     // Both are built.
     std::error_code ignored;
     fs::remove_all(work_.path("journal"), ignored);
-    ask(*map, *keep);
-    compare(*map, *keep);
+    ask(all);
+    compare(all);
     decide_gate();
     publish(place);
     report_.peak_rss_mib = maps::peak_rss_mib();
@@ -201,6 +211,12 @@ class Rebuild {
   }
 
  private:
+  struct Maps {
+    /// The new version; that of the drives alone, which it is too unless it is a patch; and that of
+    /// the drives in which everything stays.
+    std::shared_ptr<const maps::MapPackage> map, of_drives, keep;
+  };
+
   /// Tells of the stages of one part under a name of its own.
   [[nodiscard]] ProgressCallback under(const std::string& part) const {
     return [this, part](std::string_view stage, std::size_t done, std::size_t total) {
@@ -256,11 +272,47 @@ class Rebuild {
     if (!published && fs::exists(fs::symlink_status(options_.map)))
       throw maps::InputError(options_.map.string(), "an existing path",
                              "a new one: give another name, or remove it");
-    fs::path place = published ? options_.map : work_.path("map");
-    const std::string digest = package("map", place, options_.build);
+    fs::path place = published ? options_.map : work_.path(options_.patch ? "patch" : "map");
+    const std::string digest =
+        options_.patch ? patched(place) : package("map", place, options_.build);
     if (published && (digest != *done || maps::MapPackage::open(place)->digest() != digest))
       throw maps::InputError(place.string(), "another map", "a new path: give another name");
     return place;
+  }
+
+  /// Makes the previous version with the drives in it. @return its digest.
+  std::string patched(const fs::path& place) {
+    (void)package("map", work_.path("map"), options_.build);
+    if (!fs::exists(place)) work_.forget("patch");
+    const std::string text = part("patch", [&] {
+      // Of a process that was killed before it could say what came of it.
+      if (place != options_.map) fs::remove_all(place);
+      const auto previous = maps::MapPackage::open(*options_.previous);
+      const auto drives = maps::MapPackage::open(work_.path("map"));
+      PatchOptions options = options_.patch_options;
+      options.threads = options_.build.threads;
+      const PatchResult result =
+          patch_map(*previous, *drives, place, options, under("patch"), cancel_);
+      localization::MapIndex::begin_with(*maps::MapPackage::open(place), *previous);
+      return to_json(result);
+    });
+    report_.patch = patch_result_from(text);
+    return report_.patch->digest;
+  }
+
+  [[nodiscard]] std::shared_ptr<const maps::MapPackage> of_drives_alone(const fs::path& place) {
+    return maps::MapPackage::open(options_.patch ? work_.path("map") : place);
+  }
+
+  /// Of a patch: the new tiles and those around them.
+  [[nodiscard]] TileChoice judged(const Maps& all) const {
+    if (!options_.patch) return {};
+    std::set<maps::TileId> ids;
+    const auto previous = maps::MapPackage::open(*options_.previous);
+    for (const maps::TileId id : tiles_to_patch(*previous, *all.of_drives, options_.patch_options))
+      for (int step = 0; step < 9; ++step)
+        ids.insert({0, id.x + step % 3 - 1, id.y + step / 3 - 1});
+    return [ids](maps::TileId id) { return ids.contains(id); };
   }
 
   std::shared_ptr<const maps::MapPackage> kept() {
@@ -277,10 +329,11 @@ class Rebuild {
     }));
   }
 
-  void ask(const maps::MapPackage& map, const maps::MapPackage& keep) {
-    const std::vector<HeldBackDrive> drives = held_back_drives(options_, map);
-    report_.answers = answers_in("localize map", map, drives, Eigen::Isometry3d::Identity());
-    report_.keep_answers = answers_in("localize keep", keep, drives, T_to_from(keep, map));
+  void ask(const Maps& all) {
+    const std::vector<HeldBackDrive> drives = held_back_drives(options_, *all.of_drives);
+    report_.answers = answers_in("localize map", *all.map, drives, Eigen::Isometry3d::Identity());
+    report_.keep_answers =
+        answers_in("localize keep", *all.keep, drives, T_to_from(*all.keep, *all.of_drives));
     GateFigures& figures = report_.figures;
     figures.queries = report_.answers.queries;
     figures.found = report_.answers.found;
@@ -289,16 +342,19 @@ class Rebuild {
     const auto previous = maps::MapPackage::open(*options_.previous);
     report_.previous_digest = previous->digest();
     report_.previous_answers =
-        answers_in("localize previous", *previous, drives, T_previous_map(map));
+        answers_in("localize previous", *previous, drives, T_previous_map(*all.map));
     figures.previous = GateFigures::Previous{};
     figures.previous->ok = report_.previous_answers->ok;
     figures.previous->new_lost =
         newly_lost(report_.previous_answers->status, report_.answers.status);
   }
 
-  void compare(const maps::MapPackage& map, const maps::MapPackage& keep) {
+  void compare(const Maps& all) {
+    const TileChoice tiles = judged(all);
+    const maps::MapPackage& map = *all.map;
     const StaticLoss loss = loss_from(part("compare keep", [&] {
-      return text_of(static_loss(keep, map, T_to_from(map, keep), under("compare keep"), cancel_));
+      return text_of(static_loss(*all.keep, map, T_to_from(*all.of_drives, *all.keep),
+                                 under("compare keep"), cancel_, tiles));
     }));
     report_.static_points = loss.points;
     report_.static_points_lost = loss.lost;
@@ -306,7 +362,8 @@ class Rebuild {
     if (!options_.previous) return;
     const GroundCoverage coverage = coverage_from(part("compare previous", [&] {
       const auto previous = maps::MapPackage::open(*options_.previous);
-      return text_of(ground_coverage(*previous, map, T_previous_map(map).inverse(), cancel_));
+      return text_of(
+          ground_coverage(*previous, map, T_previous_map(map).inverse(), cancel_, tiles));
     }));
     report_.figures.previous->driven_coverage = coverage.driven;
     report_.figures.previous->ground_coverage = coverage.near_path;
@@ -314,7 +371,7 @@ class Rebuild {
       const auto previous = maps::MapPackage::open(*options_.previous);
       return text_of(consistency_change(*previous, map, T_previous_map(map).inverse(),
                                         options_.build.threads, under("compare consistency"),
-                                        cancel_));
+                                        cancel_, tiles));
     }));
     report_.figures.previous->consistency_before = change.previous;
     report_.figures.previous->consistency_now = change.map;
@@ -379,6 +436,7 @@ std::vector<StageShare> rebuild_stages(const RebuildOptions& options) {
   for (StageShare& each : second) {
     if (each.stage == "resume") each.share = 0.10;
   }
+  if (options.patch) add("patch", 0.05, {{"seams", 0.3}, {"tiles", 0.7}});
   add("keep", 0.50, second);
   add("localize map", 0.06, {{"localize", 1.0}});
   add("localize keep", 0.06, {{"localize", 1.0}});

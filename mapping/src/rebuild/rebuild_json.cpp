@@ -77,6 +77,7 @@ std::string to_json(const RebuildResult& result, const RebuildOptions& options) 
   json["keep_digest"] = result.keep_digest;
   json["previous_digest"] =
       result.previous_digest.empty() ? Json(nullptr) : Json(result.previous_digest);
+  json["patch"] = result.patch ? Json::parse(to_json(*result.patch)) : Json(nullptr);
   json["held_back"] = {{"from", options.held_back ? "drive" : "every_nth"},
                        {"every", options.held_back ? Json(nullptr) : Json(options.held_back_every)},
                        {"scans", result.answers.queries},

@@ -18,6 +18,8 @@ struct FrameSight {
   Eigen::Isometry3d T_map_lidar = Eigen::Isometry3d::Identity();
   /// Of `T_map_lidar`: tx ty tz [m], rx ry rz [rad], perturbation on the right, in the lidar frame.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
+  /// Over all drives.
+  std::size_t scan = 0;
 };
 
 /// How far a sight may be from a motion of the frames and still agree with it, at the sensor.

@@ -3,6 +3,7 @@
 #include "core/ordered_pipeline.hpp"
 #include "drives/drive_set.hpp"
 #include "registration/frame_fit.hpp"
+#include "registration/map_following.hpp"
 
 #include <fmt/format.h>
 #include <stillmap/localization/aligner.hpp>
@@ -90,8 +91,10 @@ class FrameSearch {
     return spread(all, kScansToFind);
   }
 
-  /// Scans that stand where the map was driven, when the frames differ by this.
-  [[nodiscard]] std::vector<std::size_t> to_measure(const Eigen::Isometry3d& T_map_own) const {
+  /// Scans that stand where the map was driven, when the frames differ by this; all of them, or
+  /// some.
+  [[nodiscard]] std::vector<std::size_t> to_measure(const Eigen::Isometry3d& T_map_own,
+                                                    bool all) const {
     std::vector<std::size_t> near;
     std::optional<Eigen::Vector3d> last;
     for (std::size_t scan = 0; scan < drives_.size(); ++scan) {
@@ -102,7 +105,7 @@ class FrameSearch {
       last = p_map;
       near.push_back(scan);
     }
-    return spread(near, kScansToMeasure);
+    return all ? near : spread(near, kScansToMeasure);
   }
 
  private:
@@ -115,7 +118,7 @@ class FrameSearch {
     if (T_map_own) prior.emplace().T_map_lidar = maps::renormalized(*T_map_own * T_own_scan);
     const localization::AlignmentResult found = aligner_->align(read.cloud, prior);
     if (found.status != localization::PoseStatus::kOk) return std::nullopt;
-    return FrameSight{T_own_scan, found.T_map_lidar, found.covariance};
+    return FrameSight{T_own_scan, found.T_map_lidar, found.covariance, scan};
   }
 
   [[nodiscard]] bool is_near(const Eigen::Vector3d& p_map) const {
@@ -221,6 +224,31 @@ std::vector<maps::Drive> moved(const std::vector<maps::Drive>& drives, const Eig
   return moved;
 }
 
+std::vector<FrameSight> agreeing(const std::vector<FrameSight>& sights, const FrameFit& fit) {
+  std::vector<FrameSight> agreeing;
+  for (std::size_t i = 0; i < sights.size(); ++i)
+    if (fit.agrees[i] != 0) agreeing.push_back(sights[i]);
+  return agreeing;
+}
+
+/// Drives that follow the map. @param drives  in its frame.
+std::vector<maps::Drive> bent(const std::vector<maps::Drive>& drives, const DriveSet& scans,
+                              const std::vector<FrameSight>& sights) {
+  std::vector<std::vector<FoundScan>> found(drives.size());
+  for (const FrameSight& sight : sights) {
+    const DriveSet::Place place = scans.place(sight.scan);
+    // A scan of a tilted lidar is read upright.
+    Eigen::Isometry3d T = sight.T_map_lidar;
+    T.linear() = T.linear() * scans.R_scan_lidar(sight.scan).toRotationMatrix();
+    found[place.drive].push_back({place.index, T, sight.covariance});
+  }
+  std::vector<maps::Drive> bent;
+  for (std::size_t i = 0; i < drives.size(); ++i)
+    bent.push_back(drives[i].with_poses(following(drives[i].contents().T_map_lidar, found[i]),
+                                        drives[i].contents().origin));
+  return bent;
+}
+
 }  // namespace
 
 RegisteredDrives registered_to(const std::filesystem::path& folder, const DrivesToRegister& asked,
@@ -232,7 +260,7 @@ RegisteredDrives registered_to(const std::filesystem::path& folder, const Drives
   const FrameSearch search(map, scans, options.threads, progress, cancel);
   const auto claim = claimed(map->manifest(), drives.front(), odometry);
   const Eigen::Isometry3d start = find(folder, search, claim);
-  const std::vector<std::size_t> measured = search.to_measure(start);
+  const std::vector<std::size_t> measured = search.to_measure(start, options.follows_map);
   const std::vector<FrameSight> sights = search.localize(measured, start);
   const FrameFit fit = fit_frames(sights, start, kAgreed);
   require_agreement(folder, sights, fit, measured.size());
@@ -241,7 +269,7 @@ RegisteredDrives registered_to(const std::filesystem::path& folder, const Drives
   maps::Registration& registration = registered.frame.registration;
   registration.previous_digest = map->digest();
   registration.T_map_poses = fit.T_map_own;
-  if (claim && odometry == "given") {
+  if (claim && odometry == "given" && !options.follows_map) {
     const Eigen::Isometry3d T_map_claimed = maps::renormalized(fit.T_map_own * claim->inverse());
     if (leaves_in_place(T_map_claimed, scans, *claim)) {
       registration.T_map_poses = *claim;
@@ -253,6 +281,8 @@ RegisteredDrives registered_to(const std::filesystem::path& folder, const Drives
   registration.scans_used = fit.agreeing;
   registration.scans_asked = measured.size();
   registered.drives = moved(drives, registration.T_map_poses, map->manifest().geodetic_origin);
+  if (options.follows_map)
+    registered.drives = bent(registered.drives, scans, agreeing(sights, fit));
   registered.frame.frame_id = map->manifest().frame_id;
   registered.frame.origin = map->manifest().origin;
   return registered;

@@ -300,6 +300,17 @@ std::span<const std::byte> MapPackage::stored_tile(TileId id) const {
   return found == tiles_.end() ? std::span<const std::byte>{} : found->second.bytes();
 }
 
+std::vector<MapManifest::DriveCounts> MapPackage::drive_counts() const {
+  if (!manifest_.drives.empty()) return manifest_.drives;
+  const std::vector<Trajectory> paths = trajectories();
+  if (paths.empty() && objects().empty()) return {};
+  std::vector<MapManifest::DriveCounts> counts(std::max<std::size_t>(1, paths.size()));
+  for (std::size_t i = 0; i < paths.size(); ++i)
+    counts[i].scans = static_cast<std::uint32_t>(paths[i].size());
+  for (const MapObject& object : objects()) ++counts.at(object.drive).objects;
+  return counts;
+}
+
 std::vector<Trajectory> MapPackage::trajectories() const {
   std::vector<Trajectory> all;
   while (manifest_.files.contains(trajectory_path(all.size())))

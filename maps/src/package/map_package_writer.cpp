@@ -58,8 +58,10 @@ DriveNumber object_of(std::uint32_t over_all, const DriveNumbers& numbers) {
   }
 }
 
-std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::path& folder,
-                                                      const std::string& survivor) {
+/// @param known  files whose bytes are known.
+std::map<std::string, MapManifest::File> hashed_files(
+    const std::filesystem::path& folder, const std::string& survivor,
+    const std::map<std::string, MapManifest::File>& known) {
   std::map<std::string, MapManifest::File> files;
   for (auto at = std::filesystem::recursive_directory_iterator(folder); at != end(at); ++at) {
     const std::filesystem::directory_entry& entry = *at;
@@ -68,8 +70,11 @@ std::map<std::string, MapManifest::File> hashed_files(const std::filesystem::pat
     if (!entry.is_regular_file() || entry.is_symlink()) {
       throw StorageError(entry.path().string(), "a package holds regular files only");
     }
-    files[entry.path().lexically_relative(folder).generic_string()] = {
-        entry.file_size(), sha256_of_file(entry.path())};
+    const std::string path = entry.path().lexically_relative(folder).generic_string();
+    const auto found = known.find(path);
+    files[path] = found != known.end()
+                      ? found->second
+                      : MapManifest::File{entry.file_size(), sha256_of_file(entry.path())};
   }
   return files;
 }
@@ -143,6 +148,26 @@ void MapPackageWriter::add_tile(TileId id, const MapTile& tile,
 
 void MapPackageWriter::set_drives(std::vector<MapManifest::DriveCounts> drives) {
   numbers_ = std::make_unique<DriveNumbers>(std::move(drives));
+}
+
+void MapPackageWriter::take_over(const MapPackage& from, std::set<TileId> except) {
+  if (!packs_ || !from.packs_)
+    throw std::invalid_argument(from.folder().string() + ": a package of schema 1");
+  packs_->take_over(*from.packs_, std::move(except));
+  for (const auto& [path, file] : from.manifest().files)
+    if (is_pack(path)) known_files_[path] = file;
+  const std::size_t drives = from.drive_counts().size();
+  for (std::size_t drive = 0; drive < drives; ++drive) take_drive(from, drive, drive);
+}
+
+void MapPackageWriter::take_drive(const MapPackage& from, std::size_t drive, std::size_t as) {
+  for (const auto path_of : {trajectory_path, objects_path, fates_path, disagreement_path}) {
+    const auto listed = from.manifest().files.find(path_of(drive));
+    if (listed == from.manifest().files.end()) continue;
+    link_or_copy(from.folder() / listed->first, folder_.path() / path_of(as));
+    known_files_[path_of(as)] = listed->second;
+  }
+  has_objects_ = true;
 }
 
 void MapPackageWriter::add_fates(const ScanFates& fates) {
@@ -224,7 +249,7 @@ std::string MapPackageWriter::publish(MapManifest manifest, const std::string& b
   manifest.extent = {};
   for (const TileEntry& tile : tiles_) manifest.extent.add(tile);
   manifest.tiles = packs_ ? std::vector<TileEntry>{} : std::move(tiles_);
-  manifest.files = hashed_files(folder_.path(), survivor_);
+  manifest.files = hashed_files(folder_.path(), survivor_, known_files_);
   const std::string text = manifest_text(manifest);
   // What we could not open ourselves must not become visible.
   (void)parse_manifest(text, (folder_.target() / kManifestName).string());

@@ -92,6 +92,8 @@ std::string pack_path(const Pack& pack) {
   return fmt::format("{}/{}.pack", kPacksFolder, hex_of(pack.sha256));
 }
 
+bool is_pack(const std::string& path) { return path.starts_with(std::string(kPacksFolder) + "/"); }
+
 /// A region that is being written: its tiles lie in a file in the order in which they came.
 struct PackWriter::Region {
   std::filesystem::path file;
@@ -139,37 +141,73 @@ void PackWriter::add(TileId id, const TileContent& tile) {
   region->tiles.push_back(row);
 }
 
+void PackWriter::take_over(const PackReader& from, std::set<TileId> except) {
+  from_ = &from;
+  except_ = std::move(except);
+  for (const RegionId region : from.regions()) regions_[region];
+}
+
+PackWriter::TakenOver PackWriter::taken_over(RegionId number) const {
+  TakenOver taken;
+  if (from_ == nullptr) return taken;
+  const RegionNode node = from_->node(number);
+  for (const RegionTile& row : node.tiles)
+    if (!except_.contains(entry_of(number, row).id)) taken.tiles.push_back(row);
+  // Packs keep their order: an untouched node has the same bytes.
+  std::vector<std::optional<std::uint16_t>> ours(node.packs.size());
+  for (const RegionTile& row : taken.tiles) ours[row.pack] = 0;
+  for (std::size_t i = 0; i < node.packs.size(); ++i) {
+    if (!ours[i]) continue;
+    ours[i] = static_cast<std::uint16_t>(taken.packs.size());
+    taken.packs.push_back(node.packs[i]);
+    link_or_copy(from_->folder() / pack_path(node.packs[i]), folder_ / pack_path(node.packs[i]));
+  }
+  for (RegionTile& row : taken.tiles) row.pack = *ours[row.pack];
+  return taken;
+}
+
+Pack PackWriter::finished(Region& region) const {
+  const std::filesystem::path sorted = region.file.string() + ".sorted";
+  Pack pack{.bytes = region.bytes};
+  const MappedFile came(region.file);
+  std::ofstream out(sorted, std::ios::binary);
+  Sha256 hash;
+  std::uint64_t offset = 0;
+  for (RegionTile& row : region.tiles) {
+    const auto bytes = came.bytes().subspan(row.offset, row.bytes);
+    out.write(reinterpret_cast<const char*>(bytes.data()),
+              static_cast<std::streamsize>(bytes.size()));
+    hash.add(bytes.data(), bytes.size());
+    row.offset = std::exchange(offset, offset + row.bytes);
+  }
+  out.close();
+  if (!out) throw StorageError(sorted.string(), "cannot be written: look at the disk's room");
+  pack.sha256 = std::bit_cast<Sha256Bytes>(hash.bytes());
+  std::filesystem::rename(sorted, folder_ / pack_path(pack));
+  std::filesystem::remove(region.file);
+  return pack;
+}
+
 std::vector<TileEntry> PackWriter::finish() {
+  const auto by_place = [](const RegionTile& a, const RegionTile& b) {
+    return std::pair(a.x, a.y) < std::pair(b.x, b.y);
+  };
   std::vector<TileEntry> tiles;
   for (auto& [number, region] : regions_) {
-    const std::filesystem::path sorted = region->file.string() + ".sorted";
-    std::sort(region->tiles.begin(), region->tiles.end(),
-              [](const RegionTile& a, const RegionTile& b) {
-                return std::pair(a.x, a.y) < std::pair(b.x, b.y);
-              });
-    Pack pack{.bytes = region->bytes};
-    {
-      const MappedFile came(region->file);
-      std::ofstream out(sorted, std::ios::binary);
-      Sha256 hash;
-      std::uint64_t offset = 0;
-      for (RegionTile& row : region->tiles) {
-        const auto bytes = came.bytes().subspan(row.offset, row.bytes);
-        out.write(reinterpret_cast<const char*>(bytes.data()),
-                  static_cast<std::streamsize>(bytes.size()));
-        hash.add(bytes.data(), bytes.size());
-        row.offset = std::exchange(offset, offset + row.bytes);
-      }
-      out.close();
-      if (!out) throw StorageError(sorted.string(), "cannot be written: look at the disk's room");
-      pack.sha256 = std::bit_cast<Sha256Bytes>(hash.bytes());
+    TakenOver all = taken_over(number);
+    if (region) {
+      std::sort(region->tiles.begin(), region->tiles.end(), by_place);
+      const Pack pack = finished(*region);
+      for (RegionTile& row : region->tiles) row.pack = static_cast<std::uint16_t>(all.packs.size());
+      all.packs.push_back(pack);
+      all.tiles.insert(all.tiles.end(), region->tiles.begin(), region->tiles.end());
+      std::sort(all.tiles.begin(), all.tiles.end(), by_place);
     }
-    std::filesystem::rename(sorted, folder_ / pack_path(pack));
-    std::filesystem::remove(region->file);
-    const std::vector<std::byte> node = encode_region({std::span(&pack, 1), region->tiles});
+    if (all.tiles.empty()) continue;
+    const std::vector<std::byte> node = encode_region({all.packs, all.tiles});
     write_file(folder_ / region_path(number),
                {reinterpret_cast<const char*>(node.data()), node.size()});
-    for (const RegionTile& row : region->tiles) tiles.push_back(entry_of(number, row));
+    for (const RegionTile& row : all.tiles) tiles.push_back(entry_of(number, row));
   }
   regions_.clear();
   std::sort(tiles.begin(), tiles.end(),
@@ -183,7 +221,7 @@ PackReader::PackReader(const std::filesystem::path& folder,
   for (const auto& [path, file] : files) {
     if (const auto region = region_of_path(path))
       regions_.try_emplace(*region, folder_ / path);
-    else if (path.starts_with(std::string(kPacksFolder) + "/"))
+    else if (is_pack(path))
       packs_.try_emplace(path, folder_ / path);
     else if (path.starts_with(std::string(kRegionsFolder) + "/"))
       throw InputError((folder_ / path).string(), "a node of no region",

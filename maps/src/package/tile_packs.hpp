@@ -10,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,6 +26,10 @@ namespace stillmap::maps {
 [[nodiscard]] std::optional<RegionId> region_of_path(const std::string& path);
 /// `packs/` and the SHA-256 of the pack as hex.
 [[nodiscard]] std::string pack_path(const Pack& pack);
+/// Whether a path of a package is that of a pack.
+[[nodiscard]] bool is_pack(const std::string& path);
+
+class PackReader;
 
 /// Writes tiles into packs and nodes of a package's folder. Tiles may come in any order; the files
 /// do not tell.
@@ -39,6 +44,9 @@ class PackWriter {
   /// @param id  of level 0. @throws std::invalid_argument for another level, for a tile that was
   /// added before or cannot be encoded; StorageError.
   void add(TileId id, const TileContent& tile);
+  /// Takes over the tiles of another package but some: their packs lie in this one, too. Once.
+  /// @param from  lives until `finish` has returned.
+  void take_over(const PackReader& from, std::set<TileId> except);
   /// Writes what remains; nothing may be added then. @return the tiles, by x, then y.
   /// @throws StorageError.
   std::vector<TileEntry> finish();
@@ -46,8 +54,19 @@ class PackWriter {
  private:
   struct Region;
 
+  /// The tiles of a region that are taken over, with packs of their own package.
+  struct TakenOver {
+    std::vector<Pack> packs;
+    std::vector<RegionTile> tiles;
+  };
+  [[nodiscard]] TakenOver taken_over(RegionId number) const;
+  /// Gives the pack that a region's new tiles have come into its name.
+  [[nodiscard]] Pack finished(Region& region) const;
+
   std::filesystem::path folder_;
   std::map<RegionId, std::unique_ptr<Region>> regions_;
+  const PackReader* from_ = nullptr;
+  std::set<TileId> except_;
 };
 
 /// Reads tiles from packs and nodes. All files are opened at once, so that tiles stay readable when
@@ -65,6 +84,11 @@ class PackReader {
   [[nodiscard]] std::vector<RegionId> regions() const;
   /// By x, then y; none for a region that the package does not list.
   [[nodiscard]] std::vector<TileEntry> tiles(RegionId id) const;
+  /// Its packs and tiles as they lie in the file; empty for a region that the package does not
+  /// list. Valid as long as this.
+  [[nodiscard]] RegionNode node(RegionId id) const { return region(id).node; }
+  /// Where the package lies.
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// Null when there is no such tile.
   [[nodiscard]] const RegionTile* find(TileId id) const;
   [[nodiscard]] std::optional<TileEntry> entry(TileId id) const;

@@ -21,4 +21,14 @@ void write_file(const std::filesystem::path& file, std::string_view bytes) {
   }
 }
 
+void link_or_copy(const std::filesystem::path& from, const std::filesystem::path& to) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (fs::exists(to, error)) return;
+  fs::create_hard_link(from, to, error);
+  // Another file system, or one without links.
+  if (error && !fs::copy_file(from, to, error))
+    throw StorageError(to.string(), error ? error.message() : "cannot be written");
+}
+
 }  // namespace stillmap::maps

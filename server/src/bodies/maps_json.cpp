@@ -194,6 +194,19 @@ std::string trajectories_json(const std::vector<maps::Trajectory>& drives) {
   return to_text(json);
 }
 
+std::string delta_json(const std::string& from, const std::string& to,
+                       const maps::PackageDelta& delta) {
+  Json json;
+  json["from"] = from;
+  json["to"] = to;
+  json["bytes"] = delta.bytes;
+  json["missing_bytes"] = delta.missing_bytes;
+  json["missing"] = Json::array();
+  for (const auto& [path, file] : delta.missing)
+    json["missing"].push_back({{"path", path}, {"bytes", file.bytes}, {"sha256", file.sha256}});
+  return to_text(json);
+}
+
 std::string objects_json(const std::vector<maps::MapObject>& objects) {
   Json json;
   json["objects"] = Json::array();

@@ -5,6 +5,7 @@
 #include "catalog/version_facts.hpp"
 
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/package_delta.hpp>
 #include <stillmap/maps/trajectory.hpp>
 
 #include <memory>
@@ -50,6 +51,9 @@ struct ListedMap {
 [[nodiscard]] std::string version_json(const StoredVersion& version);
 [[nodiscard]] std::string version_list_json(const StoredMap& map,
                                             const std::vector<DescribedVersion>& versions);
+/// @param from, to  digests.
+[[nodiscard]] std::string delta_json(const std::string& from, const std::string& to,
+                                     const maps::PackageDelta& delta);
 [[nodiscard]] std::string trajectories_json(const std::vector<maps::Trajectory>& drives);
 [[nodiscard]] std::string objects_json(const std::vector<maps::MapObject>& objects);
 

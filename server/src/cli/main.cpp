@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
   cli::add_localize(app);
   cli::add_serve(app);
   cli::add_inspect(app);
+  cli::add_delta(app);
   cli::add_store(app);
   cli::add_keys(app);
   cli::add_audit(app);

@@ -2,10 +2,13 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
+#include "handlers/page_query.hpp"
 #include "handlers/publish.hpp"
 #include "handlers/tile_answer.hpp"
 #include "http/content_digest.hpp"
 #include "http/header_text.hpp"
+
+#include "store/store_folder.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -14,6 +17,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <span>
 #include <stdexcept>
@@ -26,18 +30,22 @@ namespace {
 /// Those that `stillmap build` draws take some 100 KiB.
 constexpr std::uint64_t kMaxPreviewBytes = 16U << 20U;
 
-/// A package on its way to a client.
+/// A package, or one file of it, on its way to a client.
 class PackageSource final : public BodySource {
  public:
-  explicit PackageSource(std::unique_ptr<PackageArchive> archive) : archive_(std::move(archive)) {}
-  [[nodiscard]] std::uint64_t size() const override { return archive_->size(); }
+  explicit PackageSource(std::unique_ptr<PackageArchive> archive)
+      : archive_(std::move(archive)), place_{0, archive_->size()} {}
+  PackageSource(std::unique_ptr<PackageArchive> archive, PackageArchive::Place place)
+      : archive_(std::move(archive)), place_(place) {}
+  [[nodiscard]] std::uint64_t size() const override { return place_.bytes; }
   void read(std::uint64_t offset, std::span<char> to) override {
-    if (archive_->read(offset, to) != to.size())
+    if (archive_->read(place_.offset + offset, to) != to.size())
       throw std::logic_error("asked beyond the end of the archive");
   }
 
  private:
   std::unique_ptr<PackageArchive> archive_;
+  PackageArchive::Place place_;
 };
 
 HttpResponse put_version(const Context& context, const HttpRequest& request,
@@ -66,9 +74,20 @@ ApiError damaged(const PathParameters& path, const std::string& file) {
   return {ErrorCode::kStorageError, text};
 }
 
+/// The digest that `from` in the query says; empty without one. @throws ApiError.
+std::string from_in(const std::map<std::string, std::string>& query) {
+  const auto from = query.find("from");
+  if (from == query.end()) return {};
+  if (!is_digest(from->second))
+    throw field_error(ErrorCode::kInvalidRequest, "from", "'" + from->second + "'",
+                      "the digest of a version: 64 digits of 0-9 and a-f");
+  return from->second;
+}
+
 HttpResponse get_content(const Context& context, const HttpRequest& request,
                          const PathParameters& path) {
-  auto archive = context.store.archive(path.at("map"), path.at("version"));
+  const std::string from = from_in(read_query(request, {"from"}));
+  auto archive = context.store.archive(path.at("map"), path.at("version"), from);
   HttpResponse response{.content_type = "application/x-tar", .body = {}, .headers = {}};
   response.headers = {{"ETag", archive->etag()},
                       {"Cache-Control", kKeptForEver},
@@ -82,6 +101,40 @@ HttpResponse get_content(const Context& context, const HttpRequest& request,
     throw damaged(path, file);
   response.source = std::make_shared<PackageSource>(std::move(archive));
   return response;
+}
+
+HttpResponse get_file(const Context& context, const HttpRequest& request,
+                      const PathParameters& path) {
+  auto archive = context.store.archive(path.at("map"), path.at("version"));
+  const std::string& sha256 = path.at("sha256");
+  const auto place = archive->place_of(sha256);
+  if (!place)
+    throw ApiError(ErrorCode::kUnknownRoute,
+                   "version '" + path.at("version") + "' has no file of the SHA-256 '" + sha256 +
+                       "'; its delta and its manifest.json list those that it has");
+  // What a checksum names never changes.
+  const std::string etag = '"' + sha256 + '"';
+  HttpResponse response{.content_type = "application/octet-stream", .body = {}, .headers = {}};
+  response.headers = {{"ETag", etag}, {"Cache-Control", kKeptForEver}};
+  if (is_known_to_client(request.header("if-none-match"), etag)) {
+    response.status = 304;
+    return response;
+  }
+  if (const std::string file = context.store.damage_of(*archive); !file.empty())
+    throw damaged(path, file);
+  response.source = std::make_shared<PackageSource>(std::move(archive), *place);
+  return response;
+}
+
+HttpResponse get_delta(const Context& context, const HttpRequest& request,
+                       const PathParameters& path) {
+  const std::string from = from_in(read_query(request, {"from"}));
+  if (from.empty())
+    throw field_error(ErrorCode::kInvalidRequest, "from", "nothing",
+                      "the digest of the version that is there already");
+  const StoredVersion version = context.store.state().version(path.at("map"), path.at("version"));
+  return json_response(
+      delta_json(from, version.digest, context.store.delta(path.at("map"), version.name, from)));
 }
 
 /// Reads the picture that the package lists, if it does.
@@ -135,6 +188,14 @@ void add_package_routes(std::vector<Route>& routes, const Context& context) {
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/content",
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return get_content(context, request, path);
+                    }});
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/delta",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return get_delta(context, request, path);
+                    }});
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/files/{sha256}",
+                    [&context](const HttpRequest& request, const PathParameters& path) {
+                      return get_file(context, request, path);
                     }});
   routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/preview",
                     [&context](const HttpRequest& request, const PathParameters& path) {

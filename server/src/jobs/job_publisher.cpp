@@ -53,7 +53,8 @@ std::optional<GateVerdict> read_verdict(const JobFolder& folder) {
   for (const Json& reason : report.value("reasons", Json::array()))
     if (reason.is_string()) verdict.reasons.push_back(reason.get<std::string>());
   Json kept;
-  for (const char* key : {"verdict", "reasons", "warnings", "figures", "checks", "held_back"})
+  for (const char* key :
+       {"verdict", "reasons", "warnings", "figures", "checks", "held_back", "patch"})
     if (report.contains(key)) kept[key] = report[key];
   verdict.json = to_text(kept);
   return verdict;

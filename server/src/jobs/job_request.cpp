@@ -147,7 +147,8 @@ std::string read_version(const RequestJson& request) {
 }
 
 RebuildRequest read_request(const RequestJson& request) {
-  require_keys(request, "", {"drives", "held_back", "options", "version", "activate", "new_frame"});
+  require_keys(request, "",
+               {"drives", "held_back", "options", "version", "activate", "new_frame", "patch"});
   RebuildRequest result;
   result.edits_from = RebuildRequest::EditsFrom::kSaved;
   result.drives = read_drives(request);
@@ -160,6 +161,9 @@ RebuildRequest read_request(const RequestJson& request) {
   result.version = read_version(request);
   result.activate = read_flag(request, "activate");
   result.new_frame = read_flag(request, "new_frame");
+  result.patch = read_flag(request, "patch");
+  if (result.patch && result.new_frame)
+    refuse("patch", request["patch"], "false with new_frame: a patch stands in the active version");
   return result;
 }
 
@@ -178,6 +182,7 @@ RequestJson as_asked(const RebuildRequest& request) {
   if (!request.version.empty()) result["version"] = request.version;
   if (request.activate) result["activate"] = true;
   if (request.new_frame) result["new_frame"] = true;
+  if (request.patch) result["patch"] = true;
   return result;
 }
 

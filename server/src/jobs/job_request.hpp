@@ -34,6 +34,8 @@ struct RebuildRequest {
   bool activate = false;
   /// It is not brought into the frame of the active version.
   bool new_frame = false;
+  /// All of the active version stays but the tiles that the drives saw.
+  bool patch = false;
 };
 
 /// A PCD or PLY map that becomes a version.

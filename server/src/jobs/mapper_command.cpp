@@ -53,6 +53,7 @@ std::vector<std::string> rebuild_command(const fs::path& mapper, const RebuildRe
   if (!request.edits.empty()) add("--edits", folder.edits());
   if (sources.held_back) add("--held-back", *sources.held_back);
   if (sources.previous) add("--previous", *sources.previous);
+  if (request.patch) command.emplace_back("--patch");
   add_threads(command, threads);
   command.insert(command.end(),
                  {"--progress", "json", "--progress-fd", std::to_string(ChildProcess::kProgress)});

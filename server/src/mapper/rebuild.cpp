@@ -60,6 +60,16 @@ void print_for_people(const mapping::RebuildResult& result, const RebuildCommand
   command_line::Table table;
   table.add("map", asked.map.string());
   table.add("digest", result.digest);
+  if (const auto& patch = result.patch) {
+    table.add("new tiles",
+              fmt::format("{} of {}", command_line::grouped(patch->tiles_new),
+                          command_line::grouped(patch->tiles_new + patch->tiles_kept)));
+    table.add("new bytes", fmt::format("{} of {}", command_line::grouped(patch->bytes_new),
+                                       command_line::grouped(patch->bytes)));
+    table.add("worst seam", fmt::format("{:.3f} m at {:.1f} {:.1f} {:.1f}", patch->worst_seam_m,
+                                        patch->worst_seam_at_map.x(), patch->worst_seam_at_map.y(),
+                                        patch->worst_seam_at_map.z()));
+  }
   table.add("held-back scans", text_of(result.answers));
   table.add("  in the keep map", text_of(result.keep_answers));
   if (result.previous_answers)
@@ -124,6 +134,8 @@ void add_rebuild(CLI::App& app) {
       ->type_name("FOLDER");
   command->add_option("--previous", options.previous, "Map package of the active version")
       ->check(command_line::existing_folder());
+  command->add_flag("--patch", options.patch,
+                    "Keep all of --previous but the tiles that the drives saw");
   command
       ->add_option("--held-back", options.held_back,
                    "Another drive of the same streets, with poses, to judge the map by")

@@ -74,10 +74,32 @@ std::set<std::string> drop_others(const fs::path& unpacked, const ArchiveFiles& 
   return folders;
 }
 
+/// Puts known files to their places where none was sent.
+void take_known(const maps::MapManifest& manifest, const KnownFiles& known, const std::string& root,
+                const fs::path& unpacked, const DurableFiles& disk, ArchiveFiles& found) {
+  for (const auto& [path, listed] : manifest.files) {
+    const auto at = known.find(listed.sha256);
+    if (at == known.end() || found.files.contains(root + path)) continue;
+    const std::string place = root + path;
+    for (std::size_t end = place.find('/'); end != place.npos; end = place.find('/', end + 1)) {
+      const std::string folder = place.substr(0, end);
+      if (found.folders.insert(folder).second) disk.make_folder(unpacked / folder);
+    }
+    // What lies there may be damaged since.
+    maps::MapManifest::File copied{listed.bytes, maps::sha256_of_file(at->second)};
+    if (copied.sha256 != listed.sha256) continue;
+    if (!disk.link(at->second, unpacked / place))
+      copied = copy_file(at->second, unpacked / place, listed.bytes, disk);
+    found.files.emplace(place, std::move(copied));
+  }
+}
+
 }  // namespace
 
-IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found,
-                             const std::string& name, const DurableFiles& disk) {
+IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& sent,
+                             const std::string& name, const DurableFiles& disk,
+                             const KnownFiles& known) {
+  ArchiveFiles found = sent;
   const std::string root = find_root(found, name);
   const std::string manifest_path = root + maps::kManifestName;
   check_size(name + ": " + maps::kManifestName, found.files.at(manifest_path).bytes);
@@ -88,6 +110,7 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& found
     throw maps::StorageError((unpacked / manifest_path).string(),
                              "reads back other than it was written");
 
+  take_known(manifest, known, root, unpacked, disk, found);
   std::set<std::string> kept = {manifest_path};
   std::map<std::string_view, std::uint64_t> of_kind;
   for (const auto& [path, listed] : manifest.files) {

@@ -6,6 +6,7 @@
 #include "store/archive_files.hpp"
 #include "store/durable_files.hpp"
 #include "store/package_copy.hpp"
+#include "store/shared_files.hpp"
 
 namespace stillmap::server {
 
@@ -17,9 +18,11 @@ struct IncomingPackage {
 
 /// Makes a package of what was unpacked (with SHA-256): finds its manifest, compares every listed
 /// file with it, drops what is not listed, but build.json, and syncs all of it.
+/// A listed file that was not sent is taken from the known ones, by a link or a copy.
 /// @param name  of the archive, for messages.
 /// @throws InputError naming the file that is missing or not what the manifest says; StorageError.
 IncomingPackage keep_package(const std::filesystem::path& unpacked, const ArchiveFiles& found,
-                             const std::string& name, const DurableFiles& disk);
+                             const std::string& name, const DurableFiles& disk,
+                             const KnownFiles& known = {});
 
 }  // namespace stillmap::server

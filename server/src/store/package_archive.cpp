@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/package_delta.hpp>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -30,14 +31,21 @@ constexpr std::uint64_t kEndBytes = 2 * kTarBlock;
 
 }  // namespace
 
-PackageArchive::PackageArchive(const fs::path& package) : package_(package) {
+PackageArchive::PackageArchive(const fs::path& package, const std::optional<fs::path>& without)
+    : package_(package) {
   const fs::path manifest_file = package_ / maps::kManifestName;
   const std::string text = maps::read_text(manifest_file);
   const maps::MapManifest manifest = maps::parse_manifest(text, manifest_file.string());
   digest_ = maps::sha256_of(text);
   // In front, so that whoever reads the archive knows early what is to come.
   append(maps::kManifestName, text.size(), digest_);
-  for (const auto& [path, file] : manifest.files) append(path, file.bytes, file.sha256);
+  auto files = manifest.files;
+  if (without) {
+    const auto other = maps::MapPackage::open(*without);
+    without_ = other->digest();
+    files = maps::package_delta(other->manifest(), manifest).missing;
+  }
+  for (const auto& [path, file] : files) append(path, file.bytes, file.sha256);
   size_ += kEndBytes;
   folder_ = ::open(package_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (folder_ < 0) throw maps::StorageError(package_.string(), std::strerror(errno));
@@ -48,7 +56,17 @@ PackageArchive::~PackageArchive() {
   ::close(folder_);
 }
 
-std::string PackageArchive::etag() const { return '"' + digest_ + "-" + kLayout + '"'; }
+std::string PackageArchive::etag() const {
+  const std::string since = without_.empty() ? "" : "-without-" + without_;
+  return '"' + digest_ + since + "-" + kLayout + '"';
+}
+
+std::optional<PackageArchive::Place> PackageArchive::place_of(std::string_view sha256) const {
+  const auto found = std::find_if(entries_.begin(), entries_.end(),
+                                  [&](const Entry& entry) { return entry.sha256 == sha256; });
+  if (found == entries_.end()) return std::nullopt;
+  return Place{found->offset + found->header_bytes, found->bytes};
+}
 
 void PackageArchive::append(const std::string& path, std::uint64_t bytes,
                             const std::string& sha256) {

@@ -3,8 +3,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::server {
@@ -18,7 +20,9 @@ class PackageArchive {
   /// Holds the folder open and at most one file. Opens none but the manifest.
   /// @throws InputError as `MapPackage::open` for the manifest, and for names that
   /// `extract_archive` refuses; StorageError.
-  explicit PackageArchive(const std::filesystem::path& package);
+  /// @param without  another package: files whose bytes it has are left out.
+  explicit PackageArchive(const std::filesystem::path& package,
+                          const std::optional<std::filesystem::path>& without = {});
   ~PackageArchive();
   PackageArchive(const PackageArchive&) = delete;
   PackageArchive& operator=(const PackageArchive&) = delete;
@@ -28,6 +32,13 @@ class PackageArchive {
   [[nodiscard]] std::string etag() const;
   /// Bytes of the whole archive.
   [[nodiscard]] std::uint64_t size() const { return size_; }
+  /// Where the bytes of a file lie in the archive.
+  struct Place {
+    std::uint64_t offset = 0, bytes = 0;
+  };
+  /// @param sha256  of the file; that of manifest.json is the package's digest. @return nothing for
+  /// one that is none of the archive's.
+  [[nodiscard]] std::optional<Place> place_of(std::string_view sha256) const;
   /// Fills the span from this offset on.
   /// @return its size, or less at the end of the archive only.
   /// @throws StorageError naming the file when it is gone (the version was removed meanwhile), has
@@ -53,7 +64,7 @@ class PackageArchive {
   void read_file(std::size_t index, std::uint64_t from, std::span<char> into);
 
   std::filesystem::path package_;
-  std::string digest_;
+  std::string digest_, without_;
   std::vector<Entry> entries_;
   std::uint64_t size_ = 0;
   int folder_ = -1;

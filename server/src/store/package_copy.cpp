@@ -60,26 +60,6 @@ class Source {
   int descriptor_;
 };
 
-/// @param most  more bytes than this are refused before they fill the disk.
-maps::MapManifest::File copy_file(const fs::path& from, const fs::path& to, std::uint64_t most,
-                                  const DurableFiles& files) {
-  const Source source(from);
-  DurableFiles::NewFile target = files.create(to);
-  maps::MapManifest::File copied;
-  maps::Sha256 hash;
-  std::vector<char> buffer(std::size_t{1} << 20U);
-  for (std::string_view piece = source.read(buffer); !piece.empty(); piece = source.read(buffer)) {
-    copied.bytes += piece.size();
-    if (copied.bytes > most)
-      throw maps::InputError(from.string(), "more bytes", std::to_string(most) + " at most");
-    hash.add(piece.data(), piece.size());
-    target.append(piece);
-  }
-  target.finish();
-  copied.sha256 = hash.hex();
-  return copied;
-}
-
 void copy_listed(const fs::path& from, const fs::path& to, const maps::MapManifest::File& listed,
                  const DurableFiles& files) {
   const maps::MapManifest::File copied = copy_file(from, to, listed.bytes, files);
@@ -101,6 +81,25 @@ std::set<fs::path> folders_of(const maps::MapManifest& manifest) {
 }
 
 }  // namespace
+
+maps::MapManifest::File copy_file(const fs::path& from, const fs::path& to, std::uint64_t most,
+                                  const DurableFiles& files) {
+  const Source source(from);
+  DurableFiles::NewFile target = files.create(to);
+  maps::MapManifest::File copied;
+  maps::Sha256 hash;
+  std::vector<char> buffer(std::size_t{1} << 20U);
+  for (std::string_view piece = source.read(buffer); !piece.empty(); piece = source.read(buffer)) {
+    copied.bytes += piece.size();
+    if (copied.bytes > most)
+      throw maps::InputError(from.string(), "more bytes", std::to_string(most) + " at most");
+    hash.add(piece.data(), piece.size());
+    target.append(piece);
+  }
+  target.finish();
+  copied.sha256 = hash.hex();
+  return copied;
+}
 
 CopiedPackage copy_package(const fs::path& package, const fs::path& empty,
                            const DurableFiles& files, const std::function<void()>& before_each) {

@@ -5,12 +5,19 @@
 #include <functional>
 #include <string>
 
+#include <stillmap/maps/map_package.hpp>
 #include "store/durable_files.hpp"
 
 namespace stillmap::server {
 
 /// build.json is made by us and small; the limit is against something else in its place.
 inline constexpr std::uint64_t kLargestBuildJson = 16U << 20U;
+
+/// Copies a regular file and syncs the copy. @param most  more bytes than this are refused before
+/// they fill the disk. @return what was written. @throws InputError, StorageError.
+maps::MapManifest::File copy_file(const std::filesystem::path& from,
+                                  const std::filesystem::path& to, std::uint64_t most,
+                                  const DurableFiles& files);
 
 struct CopiedPackage {
   std::string digest;

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <set>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -197,6 +198,8 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
     throw maps::InputError((package / maps::kManifestName).string(), "a file that changes",
                            "one that does not: add it when its writer has ended");
   check_readable(incoming.path());
+  // A damaged copy that is being replaced gives nothing.
+  share_files(incoming.path(), files_of_versions(map, wanted.digest), files);
   lock.emplace(locked());
   refuse_unwanted(maker);
   return publish(incoming, incoming.path(), map, wanted, job);
@@ -217,11 +220,13 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   if (sha256 && *sha256 != found.archive.sha256)
     throw maps::InputError(archive.name, "SHA-256 " + found.archive.sha256,
                            *sha256 + " as announced: send it again");
-  const IncomingPackage package = keep_package(incoming.path(), found, archive.name, files);
+  const IncomingPackage package =
+      keep_package(incoming.path(), found, archive.name, files, files_of_versions(map, {}));
   StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
   wanted.bytes = package.package.bytes;
   wanted.created_ns = now_ns();
   check_readable(package.folder);
+  share_files(package.folder, files_of_versions(map, wanted.digest), files);
   const bool whole = find_whole(map, wanted);
   lock.emplace(locked());
   if (whole && packages_.has(wanted.digest)) return commit(map, wanted);
@@ -229,8 +234,25 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
 }
 
 std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
-                                                      std::string_view version) const {
-  return std::make_unique<PackageArchive>(packages_.path_of(state_->version(map, version).digest));
+                                                      std::string_view version,
+                                                      std::string_view without) const {
+  const fs::path package = packages_.path_of(state_->version(map, version).digest);
+  if (without.empty()) return std::make_unique<PackageArchive>(package);
+  return std::make_unique<PackageArchive>(package, path_of_version(map, without));
+}
+
+maps::PackageDelta PackageStore::delta(std::string_view map, std::string_view version,
+                                       std::string_view from) const {
+  return maps::package_delta(maps::MapPackage::open(path_of_version(map, from))->manifest(),
+                             open(map, version)->manifest());
+}
+
+fs::path PackageStore::path_of_version(std::string_view map, std::string_view digest) const {
+  for (const StoredVersion& version : state_->versions(map))
+    if (version.digest == digest) return packages_.path_of(digest);
+  throw StoreRefusal(StoreRefusal::Reason::kUnknownVersion,
+                     "map '" + std::string(map) + "' has no version of the digest '" +
+                         std::string(digest) + "'; ask for the whole version");
 }
 
 std::string PackageStore::damage_of(const PackageArchive& archive) const {
@@ -267,6 +289,18 @@ PackageStore::Added PackageStore::publish(PackageFolder::Incoming& incoming,
     if (is_first) packages_.remove(version.digest);
     throw;
   }
+}
+
+KnownFiles PackageStore::files_of_versions(std::string_view map, const std::string& but) const {
+  std::set<std::string> digests;
+  for (const StoredMap& each : state_->maps()) {
+    if (each.name != map) continue;
+    for (const StoredVersion& version : state_->versions(map)) digests.insert(version.digest);
+  }
+  digests.erase(but);
+  KnownFiles known;
+  for (const std::string& digest : digests) add_files_of(packages_.path_of(digest), known);
+  return known;
 }
 
 /// Whether its package lies there whole, by itself or as what it was migrated to, which the version

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <stillmap/maps/map_package.hpp>
+#include <stillmap/maps/package_delta.hpp>
 #include "store/archive.hpp"
 #include "store/folder_lock.hpp"
 #include "store/package_archive.hpp"
 #include "store/package_folder.hpp"
+#include "store/shared_files.hpp"
 #include "store/store_state.hpp"
 
 #include <cstddef>
@@ -110,14 +112,21 @@ class PackageStore {
   Added add(std::string_view map, std::string_view version, const std::filesystem::path& package,
             const std::optional<Maker>& maker = {});
   /// As `add`, of a package that comes as a tar, by itself or in one folder: unpacked straight into
-  /// the store, hashed while it is written. Files that the manifest does not list are dropped.
+  /// the store, hashed while it is written. Files that the manifest does not list are dropped;
+  /// those that it lists and that versions of this map have may be left out of the tar.
   /// @param sha256  of the archive as it comes, lower-case hex, where that is known.
   /// @throws also InputError as `extract_archive`, and for another SHA-256. Nothing is left then.
   Added add_archive(std::string_view map, std::string_view version, const IncomingArchive& archive,
                     const std::optional<std::string>& sha256 = {});
-  /// A version's package as a tar. @throws as `open`.
+  /// A version's package as a tar. @param without  the digest of another version of the map, whose
+  /// files are left out; empty for none. @throws as `open`; StoreRefusal kUnknownVersion.
   [[nodiscard]] std::unique_ptr<PackageArchive> archive(std::string_view map,
-                                                        std::string_view version) const;
+                                                        std::string_view version,
+                                                        std::string_view without = {}) const;
+  /// What of a version is missing where another version of the map lies already.
+  /// @param from  its digest. @throws as `archive`.
+  [[nodiscard]] maps::PackageDelta delta(std::string_view map, std::string_view version,
+                                         std::string_view from) const;
   /// Compares all files of such a package with their checksums, the first time and when one of them
   /// was written or replaced since. Some half a millisecond a megabyte, one package at a time.
   /// @return the path of the first that is damaged; empty when the package is whole.
@@ -166,6 +175,11 @@ class PackageStore {
   Added publish(PackageFolder::Incoming& incoming, const std::filesystem::path& package,
                 std::string_view map, const StoredVersion& version,
                 std::optional<std::int64_t> job = {});
+  /// Where the package of a map's version with this digest lies. @throws StoreRefusal.
+  [[nodiscard]] std::filesystem::path path_of_version(std::string_view map,
+                                                      std::string_view digest) const;
+  /// Versions of a map have most of their tiles in common. @param but  a digest.
+  [[nodiscard]] KnownFiles files_of_versions(std::string_view map, const std::string& but) const;
   void clear_condemned_if_possible();
 
   std::filesystem::path folder_;

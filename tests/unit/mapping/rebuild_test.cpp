@@ -172,6 +172,38 @@ TEST_F(RebuildTest, ComparesWithThePreviousVersion) {
   EXPECT_THAT(second.warnings, Contains(HasSubstr("work of another rebuild was thrown away")));
 }
 
+TEST_F(RebuildTest, PatchesThePreviousVersion) {
+  options_.build.given_poses = GivenPosesUse::kExact;
+  small_.pattern.noise_m = 0.02;
+  options_.drives = {write_drive("noisy", 0.0)};
+  const RebuildResult first = rebuild();
+  options_.previous = options_.map;
+  options_.map = folder_.path() / "newer";
+  options_.drives = {write_drive("later", 0.5)};
+  options_.patch = true;
+  for (const std::string at : {"map: survey", "patch: seams", "patch: tiles", "keep: tiles",
+                               "localize previous: localize"})
+    cancel_at(at);
+  const RebuildResult second = rebuild();
+  ASSERT_TRUE(second.patch) << to_json(second, options_);
+  EXPECT_EQ(second.patch->digest, second.digest);
+  EXPECT_GT(second.patch->tiles_new, 0U);
+  EXPECT_TRUE(second.verdict.passed) << to_json(second, options_);
+  const auto map = maps::MapPackage::open(options_.map);
+  EXPECT_EQ(map->digest(), second.digest);
+  EXPECT_EQ(map->manifest().drives.size(), 2U);
+  EXPECT_EQ(map->manifest().registration->previous_digest, first.digest);
+  for (const StageShare& each : rebuild_stages(options_)) EXPECT_FALSE(each.stage.empty());
+  // Asked for again, it says the same.
+  EXPECT_EQ(result(rebuild()), result(second));
+}
+
+TEST_F(RebuildTest, NeedsAPreviousVersionToPatch) {
+  options_.patch = true;
+  EXPECT_THAT([&] { (void)rebuild(); },
+              ThrowsSaying<std::invalid_argument>({"--patch", "--previous MAP"}));
+}
+
 TEST_F(RebuildTest, DoesNotPassAMapWhosePosesBecameWorse) {
   options_.build.voxel_size_m = 0.1;
   (void)rebuild();

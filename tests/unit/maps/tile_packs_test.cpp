@@ -8,6 +8,8 @@
 #include <fstream>
 #include <map>
 #include <random>
+#include <set>
+#include <utility>
 
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -192,6 +194,75 @@ TEST(TilePacks, RefuseATileTwiceAndOtherLevels) {
   writer.add(id, tile_of(id));
   EXPECT_THROW(writer.add(id, tile_of(id)), std::invalid_argument);
   EXPECT_THROW(writer.add({.level = 1, .x = 0, .y = 0}, tile_of(id)), std::invalid_argument);
+}
+
+/// A package in which some tiles of another one are left out and one is new.
+struct TakenOver {
+  explicit TakenOver(const fs::path& folder) : before(folder / "before"), after(folder / "after") {
+    files = write(before, some_tiles());
+    const PackReader reader(before, files);
+    PackWriter writer(after);
+    TileContent changed = tile_of(kChanged);
+    changed.points.resize(10);
+    writer.take_over(reader, {kChanged, kGone});
+    writer.add(kChanged, changed);
+    EXPECT_EQ(writer.finish().size(), some_tiles().size() - 1);
+    for (const auto& [path, bytes] : contents(after)) files_after[path].bytes = bytes.size();
+  }
+  static constexpr TileId kChanged{0, 0, 0}, kGone{0, 31, -1};
+  fs::path before, after;
+  std::map<std::string, MapManifest::File> files, files_after;
+};
+
+TEST(TilePacks, TakeOverTilesAsTheyAre) {
+  const test::TemporaryFolder folder;
+  const TakenOver taken(folder.path());
+  const PackReader before(taken.before, taken.files), after(taken.after, taken.files_after);
+  for (const TileId& id : some_tiles()) {
+    if (id == TakenOver::kChanged) {
+      EXPECT_EQ(decode_tile(after.bytes(id), "tile").points.size(), 10U);
+    } else if (id == TakenOver::kGone) {
+      EXPECT_EQ(after.find(id), nullptr);
+    } else {
+      ASSERT_NE(after.find(id), nullptr);
+      EXPECT_EQ(after.find(id)->sha256, before.find(id)->sha256);
+      EXPECT_TRUE(std::ranges::equal(after.bytes(id), before.bytes(id)));
+    }
+  }
+}
+
+TEST(TilePacks, TakeNoRoomForWhatIsTakenOver) {
+  const test::TemporaryFolder folder;
+  const TakenOver taken(folder.path());
+  const auto before = contents(taken.before), after = contents(taken.after);
+  std::size_t same = 0, others = 0;
+  for (const auto& [path, bytes] : after) {
+    const auto found = before.find(path);
+    const bool is_same = found != before.end() && found->second == bytes;
+    same += is_same ? 1 : 0;
+    others += is_same ? 0 : 1;
+    if (is_same && path.starts_with("packs/")) {
+      EXPECT_TRUE(fs::equivalent(taken.before / path, taken.after / path));
+    }
+  }
+  // Of the changed region of 0, 0 and of that without a tile the nodes; the pack of the new tile.
+  EXPECT_EQ(others, 3U);
+  EXPECT_EQ(same, before.size() - 2);
+}
+
+TEST(TilePacks, TakeOverAPatchAgainAndForgetPacksThatNoTileIsIn) {
+  const test::TemporaryFolder folder;
+  const TakenOver taken(folder.path());
+  const PackReader patched(taken.after, taken.files_after);
+  const auto again = [&](const std::string& name, std::set<TileId> except) {
+    PackWriter writer(folder.path() / name);
+    writer.take_over(patched, std::move(except));
+    (void)writer.finish();
+    return contents(folder.path() / name);
+  };
+  EXPECT_EQ(again("all", {}), contents(taken.after));
+  const auto without = again("without", {TakenOver::kChanged});
+  EXPECT_EQ(without.size(), contents(taken.after).size() - 1);
 }
 
 }  // namespace tile_packs_test

@@ -25,6 +25,8 @@ TEST_F(JobRequests, BadOnesAreRefusedByField) {
       {R"({"drives": ["1"]})", "drives[0]"},
       {R"({"drives": [1, 1]})", "drives[1]"},
       {R"({"drives": [1], "held_back": 1})", "held_back"},
+      {R"({"drives": [1], "patch": true, "new_frame": true})", "patch"},
+      {R"({"drives": [1], "patch": 1})", "patch"},
       {R"({"drives": [1], "version": "../x"})", "version"},
       {R"({"drives": [1], "activate": 1})", "activate"},
       {R"({"drives": [1], "options": {"detector": "onnx:/etc/passwd"}})", "options.detector"},

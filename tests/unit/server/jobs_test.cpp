@@ -81,6 +81,14 @@ TEST_F(Jobs, CommandHoldsWhatWasAskedForAndTheGateOfTheOptions) {
   EXPECT_THAT(log, HasSubstr("/previous-map --threads 1 --progress json --progress-fd 3"));
 }
 
+TEST_F(Jobs, PatchesTheActiveVersionWhenAsked) {
+  start_with("tr '\\0' ' ' < /proc/$$/cmdline; publish");
+  make_drive();
+  const std::string job = rebuild(R"({"drives": [1], "patch": true})");
+  EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
+  EXPECT_THAT(log_of(job), HasSubstr("/previous-map --patch "));
+}
+
 TEST_F(Jobs, IsActivatedOnlyWhenAskedAndInTheSameFrame) {
   start_with("publish");
   const std::string other_frame = rebuild(R"({"drives": [1], "activate": true})");

@@ -49,6 +49,11 @@ class MapIndex {
   /// @throws as `build`.
   [[nodiscard]] static std::shared_ptr<const MapIndex> open(const maps::MapPackage& map,
                                                             const MapIndexOptions& options = {});
+  /// Gives a map that has no index yet the files of another version's, so that `open` builds those
+  /// regions only whose tiles are others. They are the same files where the file system has hard
+  /// links, else copies; what cannot be taken is built.
+  static void begin_with(const maps::MapPackage& map, const maps::MapPackage& other,
+                         const MapIndexOptions& options = {});
   /// Builds in memory, without a file.
   /// @throws std::invalid_argument on broken options, maps::InputError if no voxel has enough
   /// points, one is not finite, or farther than 10^9 m from the origin.

@@ -57,6 +57,9 @@ struct MapBuildOptions {
   /// A map package whose frame the new one is to stand in: poses are moved there by localizing
   /// scans in it, or kept where they agree with it (mapping/registration.md).
   std::optional<std::filesystem::path> register_to;
+  /// With `register_to`: poses are moved however little, and bent to follow the map where scans are
+  /// localized in it. So a patch of the map meets it without a seam (mapping/patches.md).
+  bool follows_map = false;
   GroundOptions ground;
   /// `geometric`, `voxelnext`, `voxelnext:FILE`, `onnx:FILE`, or `boxes:FILE` (with several drives
   /// `boxes:FILE,FILE...`, one a drive).

@@ -2,6 +2,7 @@
 
 #include <stillmap/mapping/cleaning.hpp>
 #include <stillmap/mapping/map_build.hpp>
+#include <stillmap/mapping/map_patch.hpp>
 #include <stillmap/mapping/progress.hpp>
 #include <stillmap/mapping/progress_lines.hpp>
 #include <stillmap/mapping/rebuild_gate.hpp>
@@ -25,11 +26,15 @@ struct RebuildOptions {
   /// if it is missing. It may be deleted when the rebuild is done.
   std::filesystem::path work;
   /// Its `held_back_every`, `journal_folder` and `detect_always` are set by the rebuild, and with
-  /// `previous` its `register_to`.
+  /// `previous` its `register_to`, with `patch` its `follows_map`.
   MapBuildOptions build;
   /// The version that is in use, to which the new one is registered. None for a first version, and
   /// for one that is to have a frame of its own.
   std::optional<std::filesystem::path> previous;
+  /// The new version is the previous one but for the tiles that the drives saw: `patch_map`. Only
+  /// with `previous`. The gate judges the patch and what lies around it.
+  bool patch = false;
+  PatchOptions patch_options;
   /// A drive of the same streets that the map is not made from, in the frame of the drives' own
   /// poses or with a geodetic origin. It is a better judge than scans of the drives themselves,
   /// which favour a map that keeps the cars that stood there.
@@ -56,6 +61,8 @@ struct RebuildResult {
   std::string keep_digest;
   /// Empty for a first version.
   std::string previous_digest;
+  /// With `patch`.
+  std::optional<PatchResult> patch;
   HeldBackAnswers answers;
   HeldBackAnswers keep_answers;
   std::optional<HeldBackAnswers> previous_answers;
@@ -89,7 +96,8 @@ inline constexpr std::size_t kMostHeldBackScans = 300;
 ///
 /// The map is built; a second one of the same scans in which everything stays (`keep`: nothing
 /// projected, deleted, cleaned or filled) is built on the same first pass; the held-back scans are
-/// looked for in both and in the previous version; the maps are compared; the gate decides. Each
+/// looked for in both and in the previous version; the maps are compared; the gate decides. With
+/// `patch` the map of the drives is put into the previous version before it is judged. Each
 /// stage that is done is remembered in the work folder, so that the same call goes on with the next
 /// one after a kill, to the same map and figures. Work of another call there is thrown away, with a
 /// warning. The map appears at its place when all is done, whatever the verdict.

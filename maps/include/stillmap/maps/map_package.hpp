@@ -20,6 +20,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -115,6 +116,7 @@ struct MapManifest {
 };
 
 class DriveNumbers;
+class MapPackage;
 class PackReader;
 class PackWriter;
 
@@ -146,6 +148,16 @@ class MapPackageWriter {
   /// Once, before tiles, fates and objects. Scans and objects are numbered over all drives here,
   /// those of the first drive first. Without this there is one drive.
   void set_drives(std::vector<MapManifest::DriveCounts> drives);
+  /// Takes over the drives of another package and its tiles but some, for a version that changes
+  /// these: packs and files of the drives are the same files where the file system has hard links,
+  /// else copies. Others of its files (graph, sources, picture) are not taken over. Before tiles,
+  /// which may be added at any place that is not taken. `set_drives` is told those drives first.
+  /// @param from  of schema 2; lives until `publish` has returned.
+  /// @throws StorageError; std::invalid_argument for schema 1.
+  void take_over(const MapPackage& from, std::set<TileId> except);
+  /// Takes over the files of one more drive of another package, that of the number `drive` there.
+  /// @param as  its number here.
+  void take_drive(const MapPackage& from, std::size_t drive, std::size_t as);
   /// What became of the points of the next scan, in the order of the scans.
   /// @throws std::invalid_argument for an object of another drive.
   void add_fates(const ScanFates& fates);
@@ -175,6 +187,8 @@ class MapPackageWriter {
   std::unique_ptr<FatesWriter> fates_;
   std::uint32_t fates_drive_ = 0, fates_scans_ = 0;
   bool has_objects_ = false;
+  /// Of files that were taken over.
+  std::map<std::string, MapManifest::File> known_files_;
 };
 
 /// An immutable map version. Of schema 2, opening reads manifest.json only. Regions are read, and
@@ -190,6 +204,9 @@ class MapPackage {
   [[nodiscard]] const MapManifest& manifest() const { return manifest_; }
   [[nodiscard]] const std::string& digest() const { return digest_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  /// How many scans and objects each drive has; also where the manifest says nothing of drives.
+  /// @throws InputError.
+  [[nodiscard]] std::vector<MapManifest::DriveCounts> drive_counts() const;
   ~MapPackage();
   /// All tiles, by level, x, y. Reads all regions, and checks that the manifest's extent is theirs.
   [[nodiscard]] std::vector<TileEntry> tiles() const;
@@ -232,6 +249,7 @@ class MapPackage {
   [[nodiscard]] std::vector<std::string> verify() const;
 
  private:
+  friend class MapPackageWriter;
   MapPackage() = default;
   std::filesystem::path folder_;
   MapManifest manifest_;

@@ -1,0 +1,88 @@
+#include "patching/seam.hpp"
+
+#include <stillmap/maps/small_matrices.hpp>
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace stillmap::mapping {
+namespace {
+
+constexpr double kNearM = 0.3;
+constexpr double kKernelM = 0.03;
+constexpr std::size_t kLeastPoints = 100;
+constexpr double kLeastShare = 0.1;
+/// Of 255: corners and bushes have normals, too.
+constexpr int kLeastPlanarity = 128;
+constexpr int kRounds = 8;
+
+bool is_in(const maps::MapPoint& point, int quarter) {
+  const auto half = static_cast<float>(maps::kTileSizeM / 2);
+  return (point.x >= half) == ((quarter & 1) != 0) && (point.y >= half) == ((quarter & 2) != 0);
+}
+
+/// A new point and how far it is off from a surface of the map.
+struct Residual {
+  Eigen::Vector3d at, normal;
+  double off_m = 0.0;
+};
+
+std::vector<Residual> residuals_of(const TileOfMap& before, const TileOfMap& now, int quarter) {
+  std::vector<Eigen::Vector3f> points;
+  std::vector<Eigen::Vector3d> normals;
+  for (std::size_t i = 0; i < before.history.size(); ++i) {
+    const maps::PointHistory& history = before.history[i];
+    if (!maps::is_measured(before.points[i].kind) || history.planarity < kLeastPlanarity) continue;
+    const Eigen::Vector3d normal(history.normal[0], history.normal[1], history.normal[2]);
+    if (normal.isZero()) continue;
+    points.push_back(position_of(before.points[i]));
+    normals.push_back(normal.normalized());
+  }
+  const std::vector<Eigen::Vector3f> known = points;
+  const PointCells cells(std::move(points), kNearM);
+  std::vector<Residual> residuals;
+  for (const maps::MapPoint& point : now.points) {
+    if (!maps::is_measured(point.kind) || !is_in(point, quarter)) continue;
+    const Eigen::Vector3f p = position_of(point);
+    const auto nearest = cells.nearest(p, kNearM);
+    if (!nearest) continue;
+    const Eigen::Vector3d& normal = normals[nearest->point];
+    residuals.push_back(
+        {p.cast<double>(), normal, normal.dot((p - known[nearest->point]).cast<double>())});
+  }
+  return residuals;
+}
+
+}  // namespace
+
+std::optional<SeamFit> seam_between(const TileOfMap& before, const TileOfMap& now, int quarter) {
+  const std::vector<Residual> residuals = residuals_of(before, now, quarter);
+  if (residuals.size() < kLeastPoints) return std::nullopt;
+  SeamFit fit;
+  fit.points = residuals.size();
+  for (const Residual& each : residuals)
+    fit.middle += each.at / static_cast<double>(residuals.size());
+  for (int round = 0; round < kRounds; ++round) {
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    double weights = 0.0;
+    for (const Residual& each : residuals) {
+      const double left_m = (each.off_m - each.normal.dot(fit.off_m)) / kKernelM;
+      const double weight = 1.0 / (1.0 + left_m * left_m);
+      A += weight * each.normal * each.normal.transpose();
+      b += weight * each.off_m * each.normal;
+      weights += weight;
+    }
+    const maps::SymmetricEigen<3> eigen = maps::eigen_of(A);
+    fit.off_m.setZero();
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::Vector3d axis = eigen.vectors.col(k);
+      if (eigen.values[k] >= kLeastShare * weights)
+        fit.off_m += axis.dot(b) / eigen.values[k] * axis;
+    }
+  }
+  return fit;
+}
+
+}  // namespace stillmap::mapping
