@@ -213,7 +213,7 @@ class Patch {
   }
   void take(TileId id, const SeamFit& fit) {
     ++result_.seams;
-    const double off_m = fit.off_m.norm();
+    const double off_m = fit.sure_m();
     if (off_m > options_.most_seam_m) ++broken_;
     if (!(off_m > result_.worst_seam_m)) return;
     result_.worst_seam_m = off_m;

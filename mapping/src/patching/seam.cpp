@@ -3,6 +3,7 @@
 #include <stillmap/maps/small_matrices.hpp>
 
 #include <cmath>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -13,8 +14,10 @@ constexpr double kNearM = 0.3;
 constexpr double kKernelM = 0.03;
 constexpr std::size_t kLeastPoints = 100;
 constexpr double kLeastShare = 0.1;
+/// So many squares of equal weight, or more that are not: one that has changed is no seam.
+constexpr double kLeastSquares = 4.0;
 /// Of 255: corners and bushes have normals, too.
-constexpr int kLeastPlanarity = 128;
+constexpr int kLeastPlanarity = 200;
 constexpr int kRounds = 8;
 
 bool is_in(const maps::MapPoint& point, int quarter) {
@@ -54,6 +57,35 @@ std::vector<Residual> residuals_of(const TileOfMap& before, const TileOfMap& now
   return residuals;
 }
 
+/// What the points in a square of 1 m say together.
+struct Square {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  /// Gradient of the cost at the fit.
+  Eigen::Vector3d left = Eigen::Vector3d::Zero();
+};
+using Squares = std::map<std::pair<int, int>, Square>;
+
+/// A^-1 in the directions that enough of the weights and enough squares tell of, 0 in the others.
+Eigen::Matrix3d inverse_where_told(const Squares& squares, double weights) {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  for (const auto& [place, square] : squares) A += square.A;
+  const maps::SymmetricEigen<3> eigen = maps::eigen_of(A);
+  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
+  for (int k = 0; k < 3; ++k) {
+    const Eigen::Vector3d axis = eigen.vectors.col(k);
+    double squared = 0.0;
+    for (const auto& [place, square] : squares) {
+      const double part = axis.dot(square.A * axis);
+      squared += part * part;
+    }
+    const double told = eigen.values[k];
+    if (told >= kLeastShare * weights && told * told >= kLeastSquares * squared)
+      inverse += axis * axis.transpose() / told;
+  }
+  return inverse;
+}
+
 }  // namespace
 
 std::optional<SeamFit> seam_between(const TileOfMap& before, const TileOfMap& now, int quarter) {
@@ -63,24 +95,31 @@ std::optional<SeamFit> seam_between(const TileOfMap& before, const TileOfMap& no
   fit.points = residuals.size();
   for (const Residual& each : residuals)
     fit.middle += each.at / static_cast<double>(residuals.size());
-  for (int round = 0; round < kRounds; ++round) {
-    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  Squares squares;
+  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
+  for (int round = 0; round <= kRounds; ++round) {
+    squares.clear();
     double weights = 0.0;
     for (const Residual& each : residuals) {
-      const double left_m = (each.off_m - each.normal.dot(fit.off_m)) / kKernelM;
-      const double weight = 1.0 / (1.0 + left_m * left_m);
-      A += weight * each.normal * each.normal.transpose();
-      b += weight * each.off_m * each.normal;
+      const double left_m = each.off_m - each.normal.dot(fit.off_m);
+      const double weight = 1.0 / (1.0 + left_m * left_m / (kKernelM * kKernelM));
+      Square& square = squares[{static_cast<int>(each.at.x()), static_cast<int>(each.at.y())}];
+      square.A += weight * each.normal * each.normal.transpose();
+      square.b += weight * each.off_m * each.normal;
+      square.left += weight * left_m * each.normal;
       weights += weight;
     }
-    const maps::SymmetricEigen<3> eigen = maps::eigen_of(A);
-    fit.off_m.setZero();
-    for (int k = 0; k < 3; ++k) {
-      const Eigen::Vector3d axis = eigen.vectors.col(k);
-      if (eigen.values[k] >= kLeastShare * weights)
-        fit.off_m += axis.dot(b) / eigen.values[k] * axis;
-    }
+    if (round == kRounds) break;
+    inverse = inverse_where_told(squares, weights);
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    for (const auto& [place, square] : squares) b += square.b;
+    fit.off_m = inverse * b;
+  }
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const auto& [place, square] : squares) spread += square.left * square.left.transpose();
+  if (const double off_m = fit.off_m.norm(); off_m > 0.0) {
+    const Eigen::Vector3d along = inverse * fit.off_m / off_m;
+    fit.sigma_m = std::sqrt(along.dot(spread * along));
   }
   return fit;
 }

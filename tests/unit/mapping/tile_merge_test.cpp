@@ -150,6 +150,8 @@ TEST(Seam, IsTheShiftOfTheSurfaces) {
   ASSERT_TRUE(fit);
   EXPECT_LT((fit->off_m - off_m).norm(), 0.003) << fit->off_m.transpose();
   EXPECT_GT(fit->points, 4000U);
+  EXPECT_LT(fit->sigma_m, 0.002);
+  EXPECT_GT(fit->sure_m(), off_m.norm() - 0.008);
 }
 
 TEST(Seam, IsNoneBetweenTwoLooksAtTheSame) {
@@ -176,6 +178,27 @@ TEST(Seam, SaysNothingOfDirectionsThatNoSurfaceTells) {
                                 corner(2, {0.08, 0.08, 0.0}, false), 0);
   ASSERT_TRUE(fit);
   EXPECT_LT(fit->off_m.norm(), 0.003);
+}
+
+TEST(Seam, IsNotSureOfOneBushThatMoved) {
+  // Few points tell of x, all in a square.
+  TileOfMap before = corner(1, Eigen::Vector3d::Zero(), false);
+  TileOfMap now = corner(2, Eigen::Vector3d::Zero(), false);
+  test::Random random(3);
+  for (TileOfMap* tile : {&before, &now}) {
+    const double x = tile == &before ? 5.0 : 5.06;
+    for (int i = 0; i < 1500; ++i) {
+      tile->points.push_back(
+          point(x + 0.03 * random.normal(), random.uniform(4.0, 4.9), random.uniform(0.3, 2.0)));
+      maps::PointHistory history{};
+      history.normal[0] = 127;
+      history.planarity = 220;
+      tile->history.push_back(history);
+    }
+  }
+  const auto fit = seam_between(before, now, 0);
+  ASSERT_TRUE(fit);
+  EXPECT_LT(fit->sure_m(), 0.005);
 }
 
 TEST(Seam, NeedsPoints) {

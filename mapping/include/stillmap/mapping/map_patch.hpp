@@ -14,7 +14,8 @@
 namespace stillmap::mapping {
 
 struct PatchOptions {
-  /// What a drive's surfaces may be off from the map's where both have some [m], in [0.005, 0.2].
+  /// What a drive's surfaces may be off from the map's where both have some, for sure [m], in
+  /// [0.005, 0.2].
   double most_seam_m = 0.02;
   /// Of the places (1 m by 1 m) of a tile where the map has something, the share that a drive must
   /// have seen for the tile to be new, in (0, 1].
@@ -33,8 +34,8 @@ struct PatchResult {
   /// In new tiles: points of the version before that stayed, that gave way to a new one at their
   /// place, and that stood where the drives saw free space; and points of the drives.
   std::uint64_t points_kept = 0, points_replaced = 0, points_gone = 0, points_added = 0;
-  /// Quarters of tiles whose surfaces were compared; the largest difference [m], and where it is in
-  /// the map frame [m].
+  /// Quarters of tiles whose surfaces were compared; the largest difference that is sure (by three
+  /// deviations) [m], and where it is in the map frame [m].
   std::uint64_t seams = 0;
   double worst_seam_m = 0.0;
   Eigen::Vector3d worst_seam_at_map = Eigen::Vector3d::Zero();
