@@ -1,12 +1,10 @@
 #!/usr/bin/env python3
 """Patches of towns by drives of another day whose poses are off: how many are refused, and their worst seams.
 
-usage: patch_seams.py STILLMAP FOLDER [--towns 20] [--patches 10] [--bend 0.05] [--seam 0]
+usage: patch_seams.py STILLMAP FOLDER [--towns 20] [--patches 10] [--bend 0.05]
 
 Each town (seed 101, 102, ...) is mapped with exact poses. A patch takes a part of 60 scans of day 2. Its poses bend
-smoothly by --bend metres (and 0.1 deg), with 5 mm of noise from scan to scan. With --seam, the second half of its scans
-is besides moved to the side by so many metres relative to its poses: a map that was made of them has a real seam. FOLDER
-keeps drives and maps.
+smoothly by --bend metres (and 0.1 deg), with 5 mm of noise from scan to scan. FOLDER keeps drives and maps.
 """
 
 import argparse
@@ -46,8 +44,8 @@ def way_m(lines):
     return math.dist(first, last)
 
 
-def disturbed(lines, bend_m, seed, step_at=None, step_m=0.0):
-    """KITTI poses, bent; those from `step_at` on moved to the left."""
+def disturbed(lines, bend_m, seed):
+    """KITTI poses, bent."""
     draw = random.Random(seed)
     waves = [(draw.uniform(0.5, 1.0) * bend_m / 2, draw.uniform(80, 250), draw.uniform(0, 6.3)) for _ in range(6)]
     out = []
@@ -60,9 +58,6 @@ def disturbed(lines, bend_m, seed, step_at=None, step_m=0.0):
         for column in range(3):
             x, y = m[column], m[4 + column]
             m[column], m[4 + column] = x - turn * y, y + turn * x
-        if step_at is not None and i >= step_at:
-            m[3] += m[1] * step_m
-            m[7] += m[5] * step_m
         out.append(" ".join(f"{x:.9g}" for x in m))
     return "\n".join(out) + "\n"
 
@@ -74,8 +69,7 @@ def patched(program, folder, seed, number, arguments):
     begins = [b for b in range(0, SCANS - PART + 1, 5) if way_m(lines[b:b + PART]) >= LEAST_WAY_M]
     begin = begins[number * (len(begins) - 1) // max(1, arguments.patches - 1)]
     poses = folder / "poses.txt"
-    step_at = begin + PART // 2 if arguments.seam else None
-    poses.write_text(disturbed(lines, arguments.bend, 1000 * seed + number, step_at, arguments.seam))
+    poses.write_text(disturbed(lines, arguments.bend, 1000 * seed + number))
     for name in ("work", "new"):
         shutil.rmtree(folder / name, ignore_errors=True)
     report = folder / "report.json"
@@ -94,7 +88,6 @@ def main():
     parser.add_argument("--towns", type=int, default=20)
     parser.add_argument("--patches", type=int, default=10)
     parser.add_argument("--bend", type=float, default=0.05)
-    parser.add_argument("--seam", type=float, default=0.0)
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     seams, refused = [], 0

@@ -132,7 +132,7 @@ class Patch {
         ids_(tiles_to_patch(previous, drive, options)),
         in_order_(ids_.begin(), ids_.end()),
         picture_(TopView::of_tiles(all_tiles())) {
-    if (ids_.empty())
+    if (std::none_of(ids_.begin(), ids_.end(), [&](TileId id) { return previous.has_tile(id); }))
       refuse(drive, "no tile of the map that the drives saw enough of",
              fmt::format("at least one of which they saw {:g} % : give longer drives",
                          100 * options.least_seen));
@@ -177,49 +177,75 @@ class Patch {
     if (progress_) progress_(stage, done, total);
   }
 
-  /// Where the surfaces of both are compared before anything is written.
+  /// A quarter of a tile whose surfaces were compared.
+  struct Place {
+    /// In the map frame [m].
+    Eigen::Vector3d middle;
+    /// What is sure of the shift [m].
+    Eigen::Vector3d off_m;
+  };
+
+  /// The surfaces of both are compared before anything is written.
   void require_seams() {
-    struct Found {
-      TileId id;
-      std::vector<SeamFit> fits;
-    };
+    std::vector<Place> places;
     std::size_t done = 0;
     process_in_order(
-        in_order_.size(), options_.threads,
-        [&](std::size_t i) {
-          Found found{in_order_[i], {}};
-          if (!before_.package().has_tile(found.id)) return found;
-          const TileOfMap before = before_.tile(found.id), now = now_.tile(found.id);
-          for (int quarter = 0; quarter < 4; ++quarter)
-            if (const auto fit = seam_between(before, now, quarter)) found.fits.push_back(*fit);
-          return found;
-        },
-        [&](const Found& found) {
-          for (const SeamFit& fit : found.fits) take(found.id, fit);
+        in_order_.size(), options_.threads, [&](std::size_t i) { return places_in(in_order_[i]); },
+        [&](const std::vector<Place>& found) {
+          places.insert(places.end(), found.begin(), found.end());
           tell("seams", ++done, in_order_.size());
         },
         cancel_);
-    if (!(result_.worst_seam_m > options_.most_seam_m)) return;
+    result_.seams = places.size();
+    std::size_t broken = 0;
+    Eigen::Vector3d worst_off_m = Eigen::Vector3d::Zero();
+    for (const Place& place : places) {
+      const Eigen::Vector3d off_m = confirmed(place, places);
+      if (off_m.norm() > options_.most_seam_m) ++broken;
+      if (!(off_m.norm() > result_.worst_seam_m)) continue;
+      result_.worst_seam_m = off_m.norm();
+      worst_off_m = off_m;
+      result_.worst_seam_at_map = place.middle;
+    }
+    if (broken == 0) return;
     const Eigen::Vector3d& at = result_.worst_seam_at_map;
     refuse(
         before_.package(),
         fmt::format("ground and walls {:.3f} m from those of the new drives at {:.1f} {:.1f} "
                     "{:.1f} ({:+.3f} {:+.3f} {:+.3f} m), in {} of {} places",
-                    result_.worst_seam_m, at.x(), at.y(), at.z(), worst_off_m_.x(),
-                    worst_off_m_.y(), worst_off_m_.z(), broken_, result_.seams),
+                    result_.worst_seam_m, at.x(), at.y(), at.z(), worst_off_m.x(), worst_off_m.y(),
+                    worst_off_m.z(), broken, places.size()),
         fmt::format("within {:g} m: look there (`stillmap view`), leave out scans with bad poses "
                     "(--select), or make the new version without --patch",
                     options_.most_seam_m));
   }
-  void take(TileId id, const SeamFit& fit) {
-    ++result_.seams;
-    const double off_m = fit.sure_m();
-    if (off_m > options_.most_seam_m) ++broken_;
-    if (!(off_m > result_.worst_seam_m)) return;
-    result_.worst_seam_m = off_m;
-    worst_off_m_ = fit.off_m;
-    result_.worst_seam_at_map =
-        before_.package().manifest().origin + maps::corner_of(id) + fit.middle;
+  [[nodiscard]] std::vector<Place> places_in(TileId id) const {
+    std::vector<Place> places;
+    if (!before_.package().has_tile(id)) return places;
+    const TileOfMap before = before_.tile(id), now = now_.tile(id);
+    const Eigen::Vector3d corner = before_.package().manifest().origin + maps::corner_of(id);
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      const auto fit = seam_between(before, now, quarter);
+      if (!fit) continue;
+      const double off_m = fit->off_m.norm();
+      const double sure = off_m > 0.0 ? fit->sure_m() / off_m : 0.0;
+      places.push_back({corner + fit->middle, sure * fit->off_m});
+    }
+    return places;
+  }
+  /// The largest shift that a place has in common with another one near it. Poses are off for tens
+  /// of metres; what has changed in one place alone (a hedge, a container) is no seam.
+  [[nodiscard]] static Eigen::Vector3d confirmed(const Place& place,
+                                                 const std::vector<Place>& places) {
+    constexpr double kNearM = 30.0;
+    Eigen::Vector3d most = Eigen::Vector3d::Zero();
+    for (const Place& other : places) {
+      if (&other == &place || !((other.middle - place.middle).norm() < kNearM)) continue;
+      const Eigen::Vector3d common = 0.5 * (place.off_m + other.off_m);
+      const double apart = (place.off_m - other.off_m).norm();
+      if (apart < common.norm() && common.norm() > most.norm()) most = common;
+    }
+    return most;
   }
 
   /// Positions of the new drives' points in a tile and around it, where they come into the map.
@@ -369,8 +395,6 @@ class Patch {
   std::vector<TileId> in_order_;
   TopView picture_;
   PatchResult result_;
-  Eigen::Vector3d worst_off_m_ = Eigen::Vector3d::Zero();
-  std::uint64_t broken_ = 0;
 };
 
 }  // namespace

@@ -315,6 +315,20 @@ void find_poses(Build& build) {
   warn_of_pose_faults(build);
 }
 
+namespace {
+
+/// What was in doubt between the drives' own scans was found again in the map.
+void trust_what_the_map_knows(const std::vector<std::vector<bool>>& known, PosedDrives& posed) {
+  constexpr maps::PoseDisagreement kFound{0.02F, 0.001F};
+  for (std::size_t drive = 0; drive < std::min(known.size(), posed.doubts.size()); ++drive) {
+    std::vector<maps::PoseDisagreement>& doubts = posed.doubts[drive];
+    for (std::size_t scan = 0; scan < std::min(doubts.size(), known[drive].size()); ++scan)
+      if (known[drive][scan]) doubts[scan] = kFound;
+  }
+}
+
+}  // namespace
+
 void register_poses(Build& build) {
   const BuildTask& task = build.task;
   if (!task.options.register_to) return;
@@ -323,6 +337,7 @@ void register_poses(Build& build) {
       *task.options.register_to, {build.posed.drives, build.posed.notes, task.odometry},
       task.options, task.progress, task.cancel);
   build.posed.drives = std::move(registered.drives);
+  trust_what_the_map_knows(registered.known_by_map, build.posed);
   build.result.registration = registered.frame.registration;
   build.frame = std::move(registered.frame);
 }

@@ -125,4 +125,17 @@ std::vector<Eigen::Isometry3d> following(std::vector<Eigen::Isometry3d> T_map_li
   return T_map_lidar;
 }
 
+std::vector<bool> known_by_map(const std::vector<Eigen::Isometry3d>& T_map_lidar,
+                               const std::vector<FoundScan>& found) {
+  const std::vector<double> way_m = way_of(T_map_lidar);
+  std::vector<bool> known(T_map_lidar.size(), false);
+  auto next = found.begin();
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    while (next != found.end() && next->scan < i) ++next;
+    const bool before = next != found.begin() && way_m[i] - way_m[(next - 1)->scan] < kReachM;
+    known[i] = before || (next != found.end() && way_m[next->scan] - way_m[i] < kReachM);
+  }
+  return known;
+}
+
 }  // namespace stillmap::mapping

@@ -29,4 +29,9 @@ struct FoundScan {
 [[nodiscard]] std::vector<Eigen::Isometry3d> following(std::vector<Eigen::Isometry3d> T_map_lidar,
                                                        const std::vector<FoundScan>& found);
 
+/// Of each pose, whether a scan was found within 15 m of it along the way: then it is known by the
+/// map. @param T_map_lidar, found  as `following`.
+[[nodiscard]] std::vector<bool> known_by_map(const std::vector<Eigen::Isometry3d>& T_map_lidar,
+                                             const std::vector<FoundScan>& found);
+
 }  // namespace stillmap::mapping

@@ -231,10 +231,10 @@ std::vector<FrameSight> agreeing(const std::vector<FrameSight>& sights, const Fr
   return agreeing;
 }
 
-/// Drives that follow the map. @param drives  in its frame.
-std::vector<maps::Drive> bent(const std::vector<maps::Drive>& drives, const DriveSet& scans,
-                              const std::vector<FrameSight>& sights) {
-  std::vector<std::vector<FoundScan>> found(drives.size());
+/// Bends drives so that they follow the map. @param registered  with drives in its frame.
+void follow(const DriveSet& scans, const std::vector<FrameSight>& sights,
+            RegisteredDrives& registered) {
+  std::vector<std::vector<FoundScan>> found(registered.drives.size());
   for (const FrameSight& sight : sights) {
     const DriveSet::Place place = scans.place(sight.scan);
     // A scan of a tilted lidar is read upright.
@@ -242,11 +242,12 @@ std::vector<maps::Drive> bent(const std::vector<maps::Drive>& drives, const Driv
     T.linear() = T.linear() * scans.R_scan_lidar(sight.scan).toRotationMatrix();
     found[place.drive].push_back({place.index, T, sight.covariance});
   }
-  std::vector<maps::Drive> bent;
-  for (std::size_t i = 0; i < drives.size(); ++i)
-    bent.push_back(drives[i].with_poses(following(drives[i].contents().T_map_lidar, found[i]),
-                                        drives[i].contents().origin));
-  return bent;
+  for (std::size_t i = 0; i < registered.drives.size(); ++i) {
+    maps::Drive& drive = registered.drives[i];
+    const std::vector<Eigen::Isometry3d>& poses = drive.contents().T_map_lidar;
+    registered.known_by_map.push_back(known_by_map(poses, found[i]));
+    drive = drive.with_poses(following(poses, found[i]), drive.contents().origin);
+  }
 }
 
 }  // namespace
@@ -281,8 +282,7 @@ RegisteredDrives registered_to(const std::filesystem::path& folder, const Drives
   registration.scans_used = fit.agreeing;
   registration.scans_asked = measured.size();
   registered.drives = moved(drives, registration.T_map_poses, map->manifest().geodetic_origin);
-  if (options.follows_map)
-    registered.drives = bent(registered.drives, scans, agreeing(sights, fit));
+  if (options.follows_map) follow(scans, agreeing(sights, fit), registered);
   registered.frame.frame_id = map->manifest().frame_id;
   registered.frame.origin = map->manifest().origin;
   return registered;

@@ -26,6 +26,8 @@ struct DrivesToRegister {
 /// Drives whose poses stand in a map's frame, and what else of it a new version takes over.
 struct RegisteredDrives {
   std::vector<maps::Drive> drives;
+  /// With `follows_map`: of each drive, the scans whose poses are known by the map.
+  std::vector<std::vector<bool>> known_by_map;
   BuildFrame frame;
 };
 

@@ -17,6 +17,7 @@ void add_localize(CLI::App& app);
 void add_serve(CLI::App& app);
 void add_inspect(CLI::App& app);
 void add_delta(CLI::App& app);
+void add_mirror(CLI::App& app);
 void add_store(CLI::App& app);
 void add_keys(CLI::App& app);
 void add_audit(CLI::App& app);

@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
   cli::add_serve(app);
   cli::add_inspect(app);
   cli::add_delta(app);
+  cli::add_mirror(app);
   cli::add_store(app);
   cli::add_keys(app);
   cli::add_audit(app);

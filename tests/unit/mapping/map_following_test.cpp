@@ -91,6 +91,15 @@ TEST(MapFollowing, MakesNoStepWhereScansWereNotFound) {
   }
 }
 
+TEST(MapFollowing, TellsWhichPosesTheMapKnows) {
+  std::vector<FoundScan> found = found_in_map(2, 0.0, 101);
+  std::erase_if(found, [](const FoundScan& each) { return each.scan > 20 && each.scan < 80; });
+  const std::vector<bool> known = known_by_map(way(), found);
+  EXPECT_TRUE(known[0] && known[20] && known[30] && known[70] && known[100] && known[110]);
+  EXPECT_FALSE(known[50] || known[120] || known[200]);
+  EXPECT_EQ(known_by_map(way(), {}), std::vector<bool>(201, false));
+}
+
 TEST(MapFollowing, ChangesNothingWithoutAnswers) {
   const auto poses = following(way(), {});
   EXPECT_EQ(poses[7].matrix(), way()[7].matrix());

@@ -8,6 +8,7 @@
 #include <stillmap/maps/map_graph.hpp>
 #include <stillmap/maps/package_files.hpp>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -203,6 +204,42 @@ TEST_F(MapPatchTest, RefusesADriveWhosePosesAreBentAgainstTheMapWithThePlace) {
               ThrowsSaying<maps::InputError>({"ground and walls 0.0", "m from those of the new",
                                               "within 0.02 m", "without --patch"}));
   EXPECT_FALSE(fs::exists(folder_->path() / "refused"));
+}
+
+/// A copy of the drive's map whose points are moved.
+std::shared_ptr<const maps::MapPackage> moved(const maps::MapPackage& drive, const fs::path& place,
+                                              const Eigen::Vector3d& by_m) {
+  maps::MapPackageWriter writer(place);
+  writer.set_drives(drive.drive_counts());
+  for (const maps::TileEntry& entry : drive.tiles()) {
+    const Eigen::Vector3d corner = maps::corner_of(entry.id);
+    const auto near = [](double value) { return std::clamp(value, 0.0, 19.9998); };
+    std::vector<maps::MapPoint> points = drive.tile(entry.id).points_from(corner);
+    for (maps::MapPoint& p : points)
+      p = maps::moved_to(p, {near(p.x + by_m.x()), near(p.y + by_m.y()), p.z + by_m.z()});
+    writer.add_tile(entry.id, maps::MapTile(drive.manifest().origin, corner, std::move(points)),
+                    drive.history(entry.id), drive.evidence(entry.id));
+  }
+  for (std::size_t i = 0; i < drive.drive_counts().size(); ++i) writer.take_drive(drive, i, i);
+  writer.publish(drive.manifest(), "{}");
+  return maps::MapPackage::open(place);
+}
+
+TEST_F(MapPatchTest, RefusesASeamOfFiveCentimetresInAnyDirection) {
+  const CancelFlag cancel{false};
+  for (const Eigen::Vector3d& by_m :
+       {Eigen::Vector3d(0.0, 0.05, 0.0), Eigen::Vector3d(0.05, 0.0, 0.0),
+        Eigen::Vector3d(0.0, 0.0, -0.05), Eigen::Vector3d(0.03, 0.03, 0.03)}) {
+    const std::string name = fmt::format("moved_{}_{}_{}", by_m.x(), by_m.y(), by_m.z());
+    const auto drive = moved(*open("drive"), folder_->path() / name, by_m);
+    EXPECT_THAT(
+        [&] { (void)patch_map(*open("map"), *drive, folder_->path() / "no", {}, {}, cancel); },
+        ThrowsSaying<maps::InputError>({"ground and walls 0.0"}))
+        << by_m.transpose();
+  }
+  const auto near = moved(*open("drive"), folder_->path() / "near", {0.005, 0.005, 0.005});
+  EXPECT_LT(patch_map(*open("map"), *near, folder_->path() / "yes", {}, {}, cancel).worst_seam_m,
+            0.02);
 }
 
 TEST_F(MapPatchTest, BendsADriveToTheMapWhenItIsBuiltForAPatch) {

@@ -19,7 +19,7 @@ struct PatchOptions {
   double most_seam_m = 0.02;
   /// Of the places (1 m by 1 m) of a tile where the map has something, the share that a drive must
   /// have seen for the tile to be new, in (0, 1].
-  double least_seen = 0.5;
+  double least_seen = 0.25;
   /// In [0, 256], 0 = all cores.
   int threads = 0;
 
@@ -35,7 +35,8 @@ struct PatchResult {
   /// place, and that stood where the drives saw free space; and points of the drives.
   std::uint64_t points_kept = 0, points_replaced = 0, points_gone = 0, points_added = 0;
   /// Quarters of tiles whose surfaces were compared; the largest difference that is sure (by three
-  /// deviations) [m], and where it is in the map frame [m].
+  /// deviations) and that a second one within 30 m confirms [m], and where it is in the map frame
+  /// [m].
   std::uint64_t seams = 0;
   double worst_seam_m = 0.0;
   Eigen::Vector3d worst_seam_at_map = Eigen::Vector3d::Zero();
