@@ -118,7 +118,7 @@ class MapIndex::Regions {
 
   /// Keeps a region that lies in no file.
   Region keep(maps::RegionId id, std::vector<CacheLine> lines, const IndexKey& key) {
-    const auto region = std::make_shared<const OpenRegion>(IndexStorage(std::move(lines)), key);
+    auto region = std::make_shared<const OpenRegion>(IndexStorage(std::move(lines)), key);
     kept_[id] = region;
     return region;
   }

@@ -106,7 +106,7 @@ HttpResponse get_content(const Context& context, const HttpRequest& request,
 HttpResponse get_file(const Context& context, const HttpRequest& request,
                       const PathParameters& path) {
   auto archive = context.store.archive(path.at("map"), path.at("version"));
-  const std::string& sha256 = path.at("sha256");
+  const std::string& sha256 = path.at("checksum");
   const auto place = archive->place_of(sha256);
   if (!place)
     throw ApiError(ErrorCode::kUnknownRoute,
@@ -193,7 +193,7 @@ void add_package_routes(std::vector<Route>& routes, const Context& context) {
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return get_delta(context, request, path);
                     }});
-  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/files/{sha256}",
+  routes.push_back({"GET", "/v1/maps/{map}/versions/{version}/files/{checksum}",
                     [&context](const HttpRequest& request, const PathParameters& path) {
                       return get_file(context, request, path);
                     }});

@@ -116,8 +116,8 @@ TEST_F(MirrorTest, GoesOnWhereTheConnectionWasLost) {
   }
   EXPECT_EQ(active(), "v1");
   std::uint64_t bytes = 0;
-  for (const auto& [path, file] : maps::MapPackage::open(source_.package)->manifest().files)
-    bytes += file.bytes;
+  const auto package = maps::MapPackage::open(source_.package);
+  for (const auto& [path, file] : package->manifest().files) bytes += file.bytes;
   // Nothing was fetched twice but the manifest at worst.
   EXPECT_LT(given, bytes + 40 * 2000);
 }
