@@ -279,8 +279,11 @@ class Patch {
           result_.points_replaced += merged.counts.replaced;
           result_.points_gone += merged.counts.gone;
           result_.points_added += merged.counts.added;
-          // One side knows of none.
-          if (merged.tile.history.size() != merged.tile.points.size()) merged.tile.history.clear();
+          if (merged.tile.history.size() != merged.tile.points.size()) {
+            // One side has none, and without histories nothing tells whose object a point is of.
+            merged.tile.history.clear();
+            for (maps::MapPoint& point : merged.tile.points) point.object = 0;
+          }
           const maps::MapTile tile(before_.package().manifest().origin, maps::corner_of(id),
                                    std::move(merged.tile.points));
           for (const maps::MapPoint& p : tile) picture_.add_point(tile.from_origin(p));
