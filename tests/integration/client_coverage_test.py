@@ -311,6 +311,7 @@ class Coverage(unittest.TestCase):
                          [(4, "status"), (None, "gap"), (9, "closed")])
         session.close()
         self.assertEqual(client.download_version("town", "v1", self.folder / "v1.tar"), len(PACKAGE))
+        client.download_version("town", "v2", self.folder / "v2.tar", from_digest="0" * 64)
         self.assertEqual((self.folder / "v1.tar").read_bytes(), PACKAGE)
         self.assertEqual(missing_in_requests(self.recorder, OTHER_SCANS), [])
         self.recorder.answers.pop("initializeSession")

@@ -739,9 +739,12 @@ class Client {
   }
 
   /// Writes a map package's tar to `path`; after a lost connection it goes on where it ended.
+  /// @param from  digest of another version of the map, whose files are left out; empty = none.
   /// @return its bytes. @throws Problem, ConnectionLost, Error when the file cannot be written.
   std::uint64_t download_version(const std::string& map, const std::string& version,
-                                 const std::string& path) {
+                                 const std::string& path, const std::string& from = {}) {
+    const std::string url =
+        place_of(map, version) + "/content" + (from.empty() ? "" : "?from=" + from);
     const std::string part = path + ".part";
     std::ofstream file;
     std::uint64_t size = 0;
@@ -767,8 +770,7 @@ class Client {
         headers.emplace("If-Range", etag);
       }
       const std::uint64_t before = size;
-      const httplib::Response response =
-          stream(place_of(map, version) + "/content", headers, take, begin);
+      const httplib::Response response = stream(url, headers, take, begin);
       if (!file) throw Error(part + ": cannot be written: look at the folder and the disk's room");
       if (response.status == 200 || response.status == 206) break;
       if (size > before) tries = 1;

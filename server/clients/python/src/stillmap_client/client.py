@@ -245,14 +245,16 @@ class Client:
         return self._transport.call("PUT", f"/v1/maps/{map}/versions/{version}", headers=headers,
                                     body=(archive.size, archive.open), timeout_s=self._slow_timeout_s).json(Version.of)
 
-    def download_version(self, map: str, version: str, path: Path) -> int:
-        """Writes the package's tar to `path` and goes on where an earlier try ended. @return its bytes."""
+    def download_version(self, map: str, version: str, path: Path, *, from_digest: str = "") -> int:
+        """Writes the package's tar to `path` and goes on where an earlier try ended. @param from_digest  of another
+        version of the map, whose files are left out. @return its bytes."""
+        query = {"from": from_digest} if from_digest else None
         target = pathlib.Path(path)
         part, tag = target.with_name(target.name + ".part"), target.with_name(target.name + ".etag")
         tries = 0
         while True:
             try:
-                size = self._fetch(f"/v1/maps/{map}/versions/{version}/content", part, tag)
+                size = self._fetch(f"/v1/maps/{map}/versions/{version}/content", query, part, tag)
                 break
             except (OSError, HTTPException, ConnectionLost) as error:
                 tries += 1
@@ -263,11 +265,11 @@ class Client:
         tag.unlink()
         return size
 
-    def _fetch(self, url: str, part: pathlib.Path, tag: pathlib.Path) -> int:
+    def _fetch(self, url: str, query: Optional[Dict[str, str]], part: pathlib.Path, tag: pathlib.Path) -> int:
         have = part.stat().st_size if part.exists() and tag.exists() else 0
         headers = {"Range": f"bytes={have}-"} if have else {}
         try:
-            with self._transport.open("GET", url, headers=headers) as response:
+            with self._transport.open("GET", url, query=query, headers=headers) as response:
                 if have and response.headers.get("etag") != tag.read_text():
                     raise DownloadChanged(f"{part}: found part of something else, expected part of {url}")
                 have = have if response.status == 206 else 0
@@ -281,12 +283,13 @@ class Client:
                 return have + got
         except Problem as problem:
             if problem.status == 416 and have:
-                return self._whole(url, part, tag, have)
+                return self._whole(url, query, part, tag, have)
             raise
 
-    def _whole(self, url: str, part: pathlib.Path, tag: pathlib.Path, have: int) -> int:
+    def _whole(self, url: str, query: Optional[Dict[str, str]], part: pathlib.Path, tag: pathlib.Path,
+               have: int) -> int:
         """All bytes were there already."""
-        with self._transport.open("HEAD", url) as response:
+        with self._transport.open("HEAD", url, query=query) as response:
             same = response.headers.get("etag") == tag.read_text()
             if same and int(response.headers["content-length"]) == have:
                 return have
