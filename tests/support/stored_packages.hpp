@@ -4,6 +4,7 @@
 
 #include <array>
 #include <filesystem>
+#include <fstream>
 #include <optional>
 #include <string>
 #include <utility>
@@ -63,6 +64,9 @@ inline std::string write_sharing_package(const std::filesystem::path& target, in
   maps::MapPackageWriter writer(target);
   writer.add_tile(kSharedTile, points(0, 0.0F));
   writer.add_tile(kOwnTile, points(seed, 800.0F));
+  // Two files of equal bytes, as those of two drives without objects are.
+  for (const char* name : {"one.txt", "other.txt"})
+    std::ofstream(writer.folder() / name) << "of seed " << seed << "\n";
   maps::MapManifest manifest;
   manifest.frame_id = "map";
   return writer.publish(manifest, "{}");

@@ -134,7 +134,7 @@ class Patch {
         picture_(TopView::of_tiles(all_tiles())) {
     if (std::none_of(ids_.begin(), ids_.end(), [&](TileId id) { return previous.has_tile(id); }))
       refuse(drive, "no tile of the map that the drives saw enough of",
-             fmt::format("at least one of which they saw {:g} % : give longer drives",
+             fmt::format("at least one of which they saw {:g} %: give longer drives",
                          100 * options.least_seen));
   }
 
@@ -209,15 +209,15 @@ class Patch {
     }
     if (broken == 0) return;
     const Eigen::Vector3d& at = result_.worst_seam_at_map;
-    refuse(
-        before_.package(),
-        fmt::format("ground and walls {:.3f} m from those of the new drives at {:.1f} {:.1f} "
-                    "{:.1f} ({:+.3f} {:+.3f} {:+.3f} m), in {} of {} places",
-                    result_.worst_seam_m, at.x(), at.y(), at.z(), worst_off_m.x(), worst_off_m.y(),
-                    worst_off_m.z(), broken, places.size()),
-        fmt::format("within {:g} m: look there (`stillmap view`), leave out scans with bad poses "
-                    "(--select), or make the new version without --patch",
-                    options_.most_seam_m));
+    refuse(before_.package(),
+           fmt::format("ground and walls {:.3f} m from those of the new drives at {:.1f} {:.1f} "
+                       "{:.1f} ({:+.3f} {:+.3f} {:+.3f} m), in {} of {} places",
+                       result_.worst_seam_m, at.x(), at.y(), at.z(), worst_off_m.x(),
+                       worst_off_m.y(), worst_off_m.z(), broken, places.size()),
+           fmt::format(
+               "within {:g} m: look there (`stillmap serve MAP`), leave out scans with bad poses "
+               "(--select), or make the new version without --patch",
+               options_.most_seam_m));
   }
   [[nodiscard]] std::vector<Place> places_in(TileId id) const {
     std::vector<Place> places;

@@ -65,13 +65,6 @@ void append(const TileOfMap& from, std::size_t i, TileOfMap& to) {
 
 }  // namespace
 
-void PatchCounts::add(const PatchCounts& other) {
-  kept += other.kept;
-  replaced += other.replaced;
-  gone += other.gone;
-  added += other.added;
-}
-
 MergedTile merged(const TileOfMap& before, const TileOfMap& now, const NearPoints& near_now,
                   double tolerance_m) {
   MergedTile out;

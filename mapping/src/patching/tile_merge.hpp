@@ -31,8 +31,6 @@ struct PatchCounts {
   std::uint64_t kept = 0, replaced = 0, gone = 0;
   /// Of the new drives.
   std::uint64_t added = 0;
-
-  void add(const PatchCounts& other);
 };
 
 struct MergedTile {

@@ -10,8 +10,7 @@ PackageDelta package_delta(const MapManifest& from, const MapManifest& to) {
   PackageDelta delta;
   for (const auto& [path, file] : to.files) {
     delta.bytes += file.bytes;
-    // Two files of equal bytes are missing once.
-    if (!known.insert(file.sha256).second) continue;
+    if (known.contains(file.sha256)) continue;
     delta.missing.emplace(path, file);
     delta.missing_bytes += file.bytes;
   }
