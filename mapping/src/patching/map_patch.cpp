@@ -177,30 +177,22 @@ class Patch {
     if (progress_) progress_(stage, done, total);
   }
 
-  /// A quarter of a tile whose surfaces were compared.
-  struct Place {
-    /// In the map frame [m].
-    Eigen::Vector3d middle;
-    /// What is sure of the shift [m].
-    Eigen::Vector3d off_m;
-  };
-
   /// The surfaces of both are compared before anything is written.
   void require_seams() {
-    std::vector<Place> places;
+    std::vector<SeamFit> fits;
     std::size_t done = 0;
     process_in_order(
-        in_order_.size(), options_.threads, [&](std::size_t i) { return places_in(in_order_[i]); },
-        [&](const std::vector<Place>& found) {
-          places.insert(places.end(), found.begin(), found.end());
+        in_order_.size(), options_.threads, [&](std::size_t i) { return fits_in(in_order_[i]); },
+        [&](const std::vector<SeamFit>& found) {
+          fits.insert(fits.end(), found.begin(), found.end());
           tell("seams", ++done, in_order_.size());
         },
         cancel_);
-    result_.seams = places.size();
+    result_.seams = fits.size();
     std::size_t broken = 0;
     Eigen::Vector3d worst_off_m = Eigen::Vector3d::Zero();
-    for (const Place& place : places) {
-      const Eigen::Vector3d off_m = confirmed(place, places);
+    for (const SeamFit& place : fits) {
+      const Eigen::Vector3d off_m = shared_shift_m(place, fits);
       if (off_m.norm() > options_.most_seam_m) ++broken;
       if (!(off_m.norm() > result_.worst_seam_m)) continue;
       result_.worst_seam_m = off_m.norm();
@@ -213,39 +205,25 @@ class Patch {
            fmt::format("ground and walls {:.3f} m from those of the new drives at {:.1f} {:.1f} "
                        "{:.1f} ({:+.3f} {:+.3f} {:+.3f} m), in {} of {} places",
                        result_.worst_seam_m, at.x(), at.y(), at.z(), worst_off_m.x(),
-                       worst_off_m.y(), worst_off_m.z(), broken, places.size()),
+                       worst_off_m.y(), worst_off_m.z(), broken, fits.size()),
            fmt::format(
                "within {:g} m: look there (`stillmap serve MAP`), leave out scans with bad poses "
                "(--select), or make the new version without --patch",
                options_.most_seam_m));
   }
-  [[nodiscard]] std::vector<Place> places_in(TileId id) const {
-    std::vector<Place> places;
-    if (!before_.package().has_tile(id)) return places;
+  /// In the map frame.
+  [[nodiscard]] std::vector<SeamFit> fits_in(TileId id) const {
+    std::vector<SeamFit> fits;
+    if (!before_.package().has_tile(id)) return fits;
     const TileOfMap before = before_.tile(id), now = now_.tile(id);
     const Eigen::Vector3d corner = before_.package().manifest().origin + maps::corner_of(id);
     for (int quarter = 0; quarter < 4; ++quarter) {
-      const auto fit = seam_between(before, now, quarter);
+      auto fit = seam_between(before, now, quarter);
       if (!fit) continue;
-      const double off_m = fit->off_m.norm();
-      const double sure = off_m > 0.0 ? fit->sure_m() / off_m : 0.0;
-      places.push_back({corner + fit->middle, sure * fit->off_m});
+      fit->middle += corner;
+      fits.push_back(*fit);
     }
-    return places;
-  }
-  /// The largest shift that a place has in common with another one near it. Poses are off for tens
-  /// of metres; what has changed in one place alone (a hedge, a container) is no seam.
-  [[nodiscard]] static Eigen::Vector3d confirmed(const Place& place,
-                                                 const std::vector<Place>& places) {
-    constexpr double kNearM = 30.0;
-    Eigen::Vector3d most = Eigen::Vector3d::Zero();
-    for (const Place& other : places) {
-      if (&other == &place || !((other.middle - place.middle).norm() < kNearM)) continue;
-      const Eigen::Vector3d common = 0.5 * (place.off_m + other.off_m);
-      const double apart = (place.off_m - other.off_m).norm();
-      if (apart < common.norm() && common.norm() > most.norm()) most = common;
-    }
-    return most;
+    return fits;
   }
 
   /// Positions of the new drives' points in a tile and around it, where they come into the map.

@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/small_matrices.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -66,12 +67,16 @@ struct Square {
 };
 using Squares = std::map<std::pair<int, int>, Square>;
 
+struct Told {
+  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero(), directions = Eigen::Matrix3d::Zero();
+};
+
 /// A^-1 in the directions that enough of the weights and enough squares tell of, 0 in the others.
-Eigen::Matrix3d inverse_where_told(const Squares& squares, double weights) {
+Told inverse_where_told(const Squares& squares, double weights) {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   for (const auto& [place, square] : squares) A += square.A;
   const maps::SymmetricEigen<3> eigen = maps::eigen_of(A);
-  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
+  Told all;
   for (int k = 0; k < 3; ++k) {
     const Eigen::Vector3d axis = eigen.vectors.col(k);
     double squared = 0.0;
@@ -80,10 +85,11 @@ Eigen::Matrix3d inverse_where_told(const Squares& squares, double weights) {
       squared += part * part;
     }
     const double told = eigen.values[k];
-    if (told >= kLeastShare * weights && told * told >= kLeastSquares * squared)
-      inverse += axis * axis.transpose() / told;
+    if (told < kLeastShare * weights || told * told < kLeastSquares * squared) continue;
+    all.inverse += axis * axis.transpose() / told;
+    all.directions += axis * axis.transpose();
   }
-  return inverse;
+  return all;
 }
 
 }  // namespace
@@ -96,7 +102,7 @@ std::optional<SeamFit> seam_between(const TileOfMap& before, const TileOfMap& no
   for (const Residual& each : residuals)
     fit.middle += each.at / static_cast<double>(residuals.size());
   Squares squares;
-  Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero();
+  Told told;
   for (int round = 0; round <= kRounds; ++round) {
     squares.clear();
     double weights = 0.0;
@@ -110,18 +116,34 @@ std::optional<SeamFit> seam_between(const TileOfMap& before, const TileOfMap& no
       weights += weight;
     }
     if (round == kRounds) break;
-    inverse = inverse_where_told(squares, weights);
+    told = inverse_where_told(squares, weights);
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
     for (const auto& [place, square] : squares) b += square.b;
-    fit.off_m = inverse * b;
+    fit.off_m = told.inverse * b;
   }
+  fit.told = told.directions;
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (const auto& [place, square] : squares) spread += square.left * square.left.transpose();
   if (const double off_m = fit.off_m.norm(); off_m > 0.0) {
-    const Eigen::Vector3d along = inverse * fit.off_m / off_m;
+    const Eigen::Vector3d along = told.inverse * fit.off_m / off_m;
     fit.sigma_m = std::sqrt(along.dot(spread * along));
   }
   return fit;
+}
+
+Eigen::Vector3d shared_shift_m(const SeamFit& place, std::span<const SeamFit> fits) {
+  constexpr double kNearM = 15.0, kMostSigmaM = 0.01, kLeastTold = 0.7;
+  if (place.sure_m() == 0.0) return Eigen::Vector3d::Zero();
+  const Eigen::Vector3d along = place.off_m.normalized();
+  std::vector<double> off_m;
+  for (const SeamFit& each : fits) {
+    if ((each.middle - place.middle).norm() > kNearM || each.sigma_m > kMostSigmaM) continue;
+    if (along.dot(each.told * along) >= kLeastTold) off_m.push_back(along.dot(each.off_m));
+  }
+  if (off_m.size() < 2) return Eigen::Vector3d::Zero();
+  const auto middle = off_m.begin() + static_cast<std::ptrdiff_t>((off_m.size() - 1) / 2);
+  std::nth_element(off_m.begin(), middle, off_m.end());
+  return std::clamp(*middle, 0.0, place.sure_m()) * along;
 }
 
 }  // namespace stillmap::mapping

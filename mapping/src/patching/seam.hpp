@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <optional>
+#include <span>
 
 namespace stillmap::mapping {
 
@@ -19,6 +20,8 @@ struct SeamFit {
   /// Deviation of that along it [m]. The points in a square of 1 m share their error: a bush, a
   /// kerb, what has changed.
   double sigma_m = 0.0;
+  /// Takes the part of a vector along the directions that the surfaces tell of.
+  Eigen::Matrix3d told = Eigen::Matrix3d::Zero();
   std::size_t points = 0;
 
   /// What the surfaces are off by at least [m].
@@ -34,5 +37,11 @@ struct SeamFit {
 /// @return nothing where fewer than 100 points lie on a surface of the map: there is none to fit.
 [[nodiscard]] std::optional<SeamFit> seam_between(const TileOfMap& before, const TileOfMap& now,
                                                   int quarter);
+
+/// What the new surfaces are off by around a place: what is sure there, and not more than the
+/// median of the places within 15 m that tell of this direction to a centimetre. Wrong poses move
+/// all that is near; a hedge that is seen from another side moves alone.
+/// @param fits  with `middle` in one frame. @return 0 where no second place tells of it [m].
+[[nodiscard]] Eigen::Vector3d shared_shift_m(const SeamFit& place, std::span<const SeamFit> fits);
 
 }  // namespace stillmap::mapping

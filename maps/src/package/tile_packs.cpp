@@ -52,7 +52,8 @@ void set_bounds(const TileContent& tile, RegionTile& row) {
   }
 }
 
-/// What a node says of a tile.
+}  // namespace
+
 TileEntry entry_of(RegionId region, const RegionTile& tile) {
   const TileId id{
       .level = 0, .x = kRegionTiles * region.x + tile.x, .y = kRegionTiles * region.y + tile.y};
@@ -65,8 +66,6 @@ TileEntry entry_of(RegionId region, const RegionTile& tile) {
           .min = {along(id.x, tile.min_xy[0]), along(id.y, tile.min_xy[1]), up(tile.min_z)},
           .max = {along(id.x, tile.max_xy[0]), along(id.y, tile.max_xy[1]), up(tile.max_z)}};
 }
-
-}  // namespace
 
 std::string region_path(RegionId region) {
   return fmt::format("{}/{}_{}.node", kRegionsFolder, region.x, region.y);
@@ -112,24 +111,30 @@ PackWriter::~PackWriter() = default;
 void PackWriter::add(TileId id, const TileContent& tile) {
   if (id.level != 0) throw std::invalid_argument(tile_name(id) + ": of a level above 0");
   const RegionId number = region_of(id);
+  RegionTile row;
+  row.x = static_cast<std::uint8_t>(id.x - kRegionTiles * number.x);
+  row.y = static_cast<std::uint8_t>(id.y - kRegionTiles * number.y);
+  if (const std::unique_ptr<Region>& region = regions_[number];
+      region && std::ranges::any_of(region->tiles, [&](const RegionTile& each) {
+        return each.x == row.x && each.y == row.y;
+      }))
+    throw std::invalid_argument(tile_name(id) + ": added twice");
+  const std::vector<std::byte> bytes = encode_tile(tile);
+  row.points = static_cast<std::uint32_t>(tile.points.size());
+  row.z_base_m = tile.z_base_m;
+  set_bounds(tile, row);
+  row.sha256 = sha256_bytes(bytes);
+  append(number, row, bytes);
+}
+
+void PackWriter::append(RegionId number, RegionTile row, std::span<const std::byte> bytes) {
   std::unique_ptr<Region>& region = regions_[number];
   if (!region) {
     region = std::make_unique<Region>();
     region->file = folder_ / kPacksFolder / fmt::format("{}_{}.part", number.x, number.y);
   }
-  RegionTile row;
-  row.x = static_cast<std::uint8_t>(id.x - kRegionTiles * number.x);
-  row.y = static_cast<std::uint8_t>(id.y - kRegionTiles * number.y);
-  if (std::any_of(region->tiles.begin(), region->tiles.end(),
-                  [&](const RegionTile& each) { return each.x == row.x && each.y == row.y; }))
-    throw std::invalid_argument(tile_name(id) + ": added twice");
-  const std::vector<std::byte> bytes = encode_tile(tile);
-  row.points = static_cast<std::uint32_t>(tile.points.size());
   row.offset = region->bytes;
   row.bytes = static_cast<std::uint32_t>(bytes.size());
-  row.z_base_m = tile.z_base_m;
-  set_bounds(tile, row);
-  row.sha256 = sha256_bytes(bytes);
   // A file is open only while something is written to it: a map may have many regions.
   region->out.open(region->file, std::ios::binary | std::ios::app);
   region->out.write(reinterpret_cast<const char*>(bytes.data()),
@@ -147,22 +152,34 @@ void PackWriter::take_over(const PackReader& from, std::set<TileId> except) {
   for (const RegionId region : from.regions()) regions_[region];
 }
 
-PackWriter::TakenOver PackWriter::taken_over(RegionId number) const {
+PackWriter::TakenOver PackWriter::taken_over(RegionId number) {
   TakenOver taken;
   if (from_ == nullptr) return taken;
   const RegionNode node = from_->node(number);
-  for (const RegionTile& row : node.tiles)
-    if (!except_.contains(entry_of(number, row).id)) taken.tiles.push_back(row);
+  std::vector<std::uint64_t> alive(node.packs.size());
+  for (const RegionTile& row : node.tiles) {
+    if (except_.contains(entry_of(number, row).id)) continue;
+    taken.tiles.push_back(row);
+    alive[row.pack] += row.bytes;
+  }
+  const bool is_touched = regions_.at(number) || taken.tiles.size() < node.tiles.size();
+  const auto stays = [&](std::size_t pack) {
+    return !is_touched || 2 * alive[pack] >= node.packs[pack].bytes;
+  };
+  std::erase_if(taken.tiles, [&](const RegionTile& row) {
+    if (stays(row.pack)) return false;
+    append(number, row, from_->bytes(entry_of(number, row).id));
+    return true;
+  });
   // Packs keep their order: an untouched node has the same bytes.
-  std::vector<std::optional<std::uint16_t>> ours(node.packs.size());
-  for (const RegionTile& row : taken.tiles) ours[row.pack] = 0;
+  std::vector<std::uint16_t> ours(node.packs.size());
   for (std::size_t i = 0; i < node.packs.size(); ++i) {
-    if (!ours[i]) continue;
+    if (alive[i] == 0 || !stays(i)) continue;
     ours[i] = static_cast<std::uint16_t>(taken.packs.size());
     taken.packs.push_back(node.packs[i]);
     link_or_copy(from_->folder() / pack_path(node.packs[i]), folder_ / pack_path(node.packs[i]));
   }
-  for (RegionTile& row : taken.tiles) row.pack = *ours[row.pack];
+  for (RegionTile& row : taken.tiles) row.pack = ours[row.pack];
   return taken;
 }
 

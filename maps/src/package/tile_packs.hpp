@@ -26,6 +26,8 @@ namespace stillmap::maps {
 [[nodiscard]] std::optional<RegionId> region_of_path(const std::string& path);
 /// `packs/` and the SHA-256 of the pack as hex.
 [[nodiscard]] std::string pack_path(const Pack& pack);
+/// What a node says of a tile.
+[[nodiscard]] TileEntry entry_of(RegionId region, const RegionTile& tile);
 /// Whether a path of a package is that of a pack.
 [[nodiscard]] bool is_pack(const std::string& path);
 
@@ -44,7 +46,9 @@ class PackWriter {
   /// @param id  of level 0. @throws std::invalid_argument for another level, for a tile that was
   /// added before or cannot be encoded; StorageError.
   void add(TileId id, const TileContent& tile);
-  /// Takes over the tiles of another package but some: their packs lie in this one, too. Once.
+  /// Takes over the tiles of another package but some: their packs lie in this one, too. Once. In
+  /// a region that changes, tiles of a pack of which less than half is taken over are written
+  /// again, so that a package is never more than twice as large as its tiles.
   /// @param from  lives until `finish` has returned.
   void take_over(const PackReader& from, std::set<TileId> except);
   /// Writes what remains; nothing may be added then. @return the tiles, by x, then y.
@@ -59,7 +63,9 @@ class PackWriter {
     std::vector<Pack> packs;
     std::vector<RegionTile> tiles;
   };
-  [[nodiscard]] TakenOver taken_over(RegionId number) const;
+  [[nodiscard]] TakenOver taken_over(RegionId number);
+  /// Puts a tile's bytes behind those of its region.
+  void append(RegionId number, RegionTile row, std::span<const std::byte> bytes);
   /// Gives the pack that a region's new tiles have come into its name.
   [[nodiscard]] Pack finished(Region& region) const;
 

@@ -250,6 +250,72 @@ TEST(TilePacks, TakeNoRoomForWhatIsTakenOver) {
   EXPECT_EQ(same, before.size() - 2);
 }
 
+/// Bytes of all files of a folder.
+std::size_t bytes_in(const fs::path& folder) {
+  std::size_t sum = 0;
+  for (const auto& [path, bytes] : contents(folder)) sum += bytes.size();
+  return sum;
+}
+
+/// Ten tiles of one region.
+std::vector<TileId> row_of_tiles() {
+  std::vector<TileId> tiles;
+  for (std::int32_t x = 0; x < 10; ++x) tiles.push_back({.level = 0, .x = x, .y = 0});
+  return tiles;
+}
+
+TEST(TilePacks, WriteWhatRemainsOfAPackAgainWhenLessThanHalfIsTakenOver) {
+  const test::TemporaryFolder folder;
+  const auto tiles = row_of_tiles();
+  const fs::path before = folder.path() / "before";
+  const PackReader reader(before, write(before, tiles));
+  for (const std::size_t changed : {4U, 6U}) {
+    const fs::path after = folder.path() / std::to_string(changed);
+    PackWriter writer(after);
+    const std::set<TileId> except(tiles.begin(), tiles.begin() + changed);
+    writer.take_over(reader, except);
+    for (const TileId& id : except) writer.add(id, tile_of({0, id.x + 100, 0}));
+    EXPECT_EQ(writer.finish().size(), tiles.size());
+    std::map<std::string, MapManifest::File> files;
+    for (const auto& [path, bytes] : contents(after)) files[path].bytes = bytes.size();
+    EXPECT_EQ(files.size(), changed == 4 ? 3U : 2U) << "a node and its packs";
+    const PackReader patched(after, files);
+    for (const TileId& id : tiles) {
+      const TileId is = except.contains(id) ? TileId{0, id.x + 100, 0} : id;
+      EXPECT_TRUE(std::ranges::equal(patched.bytes(id), encode_tile(tile_of(is)))) << id.x;
+    }
+    // Made at once, it is the same.
+    if (changed == 6) {
+      PackWriter at_once(folder.path() / "at_once");
+      for (const TileId& id : tiles)
+        at_once.add(id, tile_of(except.contains(id) ? TileId{0, id.x + 100, 0} : id));
+      (void)at_once.finish();
+      EXPECT_EQ(contents(after), contents(folder.path() / "at_once"));
+    }
+  }
+}
+
+TEST(TilePacks, StayWithinTwiceTheirTilesHoweverOftenTheyArePatched) {
+  const test::TemporaryFolder folder;
+  const auto tiles = row_of_tiles();
+  fs::path at = folder.path() / "0";
+  auto files = write(at, tiles);
+  const std::size_t first = bytes_in(at);
+  for (std::int32_t round = 1; round <= 30; ++round) {
+    const fs::path next = folder.path() / std::to_string(round);
+    const PackReader reader(at, files);
+    PackWriter writer(next);
+    const TileId changed = tiles[static_cast<std::size_t>(7 * round % 10)];
+    writer.take_over(reader, {changed});
+    writer.add(changed, tile_of({0, changed.x + 100 * round, 0}));
+    (void)writer.finish();
+    files.clear();
+    for (const auto& [path, bytes] : contents(next)) files[path].bytes = bytes.size();
+    EXPECT_LT(bytes_in(next), 2.2 * static_cast<double>(first)) << round;
+    at = next;
+  }
+}
+
 TEST(TilePacks, TakeOverAPatchAgainAndForgetPacksThatNoTileIsIn) {
   const test::TemporaryFolder folder;
   const TakenOver taken(folder.path());
