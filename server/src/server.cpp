@@ -138,6 +138,10 @@ void Server::drain() {
   parts_->http.drain();
 }
 
+std::function<void()> Server::prepare_trust(const ServerOptions& next) {
+  return parts_->service.prepare_trust(next);
+}
+
 std::function<void()> Server::prepare_certificate() { return parts_->http.prepare_certificate(); }
 
 }  // namespace stillmap::server

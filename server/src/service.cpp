@@ -74,6 +74,18 @@ StoreQuota quota_of(const QuotaOptions& options, const std::filesystem::path& st
   return quota;
 }
 
+/// @throws maps::InputError for a file that cannot be used.
+std::optional<PublicKeys> trust_of(const ServerOptions& options) {
+  if (options.trusted_keys_file.empty()) return std::nullopt;
+  return read_public_keys(options.trusted_keys_file);
+}
+
+/// Before anything is served from it.
+PackageStore& trusting(PackageStore& store, const ServerOptions& options) {
+  store.set_trust(trust_of(options));
+  return store;
+}
+
 /// What is derived comes after what is uploaded, so it leaves the reserve too.
 std::uint64_t left_by_views(const ServerOptions& options, const std::filesystem::path& store) {
   return std::max(MapViews::kLeftFree, quota_of(options.quotas, store).disk_reserve.value_or(0));
@@ -151,6 +163,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_map_change_routes(routes, context);
   add_version_routes(routes, context);
   add_package_routes(routes, context);
+  add_signature_routes(routes, context);
   add_upload_routes(routes, context);
   add_drive_routes(routes, context);
   add_edit_routes(routes, context);
@@ -267,7 +280,7 @@ Service::Service(const ServerOptions& options, PackageStore& store, AlignerBuild
                  StoreChanges changes)
     : options_(checked(options)),
       live_(options_),
-      store_(store),
+      store_(trusting(store, options_)),
       changes_(changes),
       metrics_(STILLMAP_VERSION),
       gatekeeper_(store.keys(), is_loopback(options_.host)),
@@ -305,6 +318,10 @@ void Service::add_metrics() {
     set_map_figures(metrics_, catalog_);
     set_store_figures(metrics_, context_.store);
   });
+}
+
+std::function<void()> Service::prepare_trust(const ServerOptions& next) {
+  return [this, keys = trust_of(next)] { store_.set_trust(keys); };
 }
 
 void Service::reload(const ServerOptions& options) {

@@ -42,6 +42,8 @@ class Service final : public RequestHandler {
   /// Options that may change while it runs; the others of these are not looked at.
   /// @throws std::invalid_argument on broken options; those before stay in force.
   void reload(const ServerOptions& options);
+  /// As `Server::prepare_trust`.
+  [[nodiscard]] std::function<void()> prepare_trust(const ServerOptions& next);
   /// From now on it is not ready, and says why.
   void set_stopping() { stopping_ = true; }
 

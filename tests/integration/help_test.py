@@ -134,7 +134,7 @@ class Mistyped(unittest.TestCase):
 
     def test_what_is_missing_or_too_much(self):
         self.says("DRIVE is missing; see stillmap build --help", "build")
-        self.says("stillmap keys needs a command: one of create, list, revoke; see stillmap keys --help", "keys")
+        self.says("stillmap keys needs a command: one of create, list, revoke, sign; see stillmap keys --help", "keys")
         self.says("--scope needs a value; see stillmap keys create --help", "keys", "create", "a", "--store", ".", "--scope")
         self.says("too many arguments: out.json; see stillmap inspect --help; to write JSON to out.json, give --json=out.json",
                   "inspect", ".", "--json", "out.json")

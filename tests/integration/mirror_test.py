@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """`stillmap mirror` against a server: a copy that is killed again and again ends whole; changed bytes never come in.
 
-usage: mirror_test.py STILLMAP STORE [--kills 100]
+usage: mirror_test.py STILLMAP STORE MIRROR_MAP [--kills 100]
+
+MIRROR_MAP is the example of the C++ client.
 """
 
 import argparse
@@ -22,8 +24,12 @@ import urllib.request
 PARSER = argparse.ArgumentParser()
 PARSER.add_argument("program")
 PARSER.add_argument("store", type=pathlib.Path)
+PARSER.add_argument("mirror_map")
 PARSER.add_argument("--kills", type=int, default=100)
 ASKED = PARSER.parse_args()
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "server/clients/python/src"))
+
+from stillmap_client import Client, StillmapError  # noqa: E402
 
 
 def run(*arguments):
@@ -113,18 +119,95 @@ class Mirror(unittest.TestCase):
         self.assertEqual(self.mirror().returncode, 0)
         self.assert_whole()
 
-    def test_refuses_changed_bytes_and_keeps_none(self):
+    def spoiling_proxy(self):
         proxy = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Spoiling)
         proxy.behind = self.url
         threading.Thread(target=proxy.serve_forever, daemon=True).start()
         self.addCleanup(proxy.server_close)
         self.addCleanup(proxy.shutdown)
-        done = self.mirror(url=f"http://127.0.0.1:{proxy.server_port}")
+        return f"http://127.0.0.1:{proxy.server_port}"
+
+    def test_refuses_changed_bytes_and_keeps_none(self):
+        done = self.mirror(url=self.spoiling_proxy())
         self.assertEqual(done.returncode, 1)
         self.assertIn("other bytes than those of SHA-256", done.stderr)
         self.assertFalse([f for f in self.copy.rglob("*.part")])
         self.assertEqual(self.mirror().returncode, 0)
         self.assert_whole()
+
+    def test_takes_only_what_a_trusted_key_has_signed(self):
+        key, other = self.folder / "key", self.folder / "other"
+        for each in (key, other):
+            self.assertEqual(run("keys", "sign", "make", each).returncode, 0)
+        trusted = f"{key}.pub"
+        done = self.mirror("--trusted", trusted)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("0 signatures, none by a trusted key", done.stderr)
+
+        def sign(with_key):
+            done = run("keys", "sign", "version", "town", self.served["version"], "--store", self.folder / "origin",
+                       "--key", with_key)
+            self.assertEqual(done.returncode, 0, done.stderr)
+
+        sign(other)
+        self.assertEqual(self.mirror("--trusted", trusted).returncode, 1)
+        self.assertFalse(list(self.copy.glob("packages/*")))
+        sign(key)
+        self.assertEqual(self.mirror("--trusted", trusted).returncode, 0)
+        self.assert_whole()
+        # The copy has the signatures: who trusts the key may take it from there.
+        rotated = run("keys", "sign", "rotate", "--former", trusted, "--store", self.copy, "--key", other)
+        self.assertIn("1 versions: signed by", rotated.stdout)
+
+    def test_keeps_only_the_regions_around_a_place(self):
+        done = self.mirror("--around", "0", "0", "50", "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertGreater(json.loads(done.stdout)["regions"], 0)
+        listed = json.loads(run("store", "list", self.copy, "--json").stdout)
+        self.assertIn(".part-", listed["maps"][0]["version"])
+        self.assertEqual(run("store", "verify", self.copy).returncode, 0)
+        self.assertEqual(self.mirror("--around", "1e6", "0", "50").returncode, 1)
+
+    def client_mirrors(self):
+        """The mirrors of both clients: a URL to a pair of digest and bytes that were fetched."""
+        def python(url):
+            found = Client(url, retries=0).mirror("town", self.copy)
+            return found.digest, found.fetched_bytes
+
+        def cpp(url):
+            done = subprocess.run([ASKED.mirror_map, url, "town", self.copy], capture_output=True, text=True, timeout=60)
+            if done.returncode != 0:
+                raise StillmapError(done.stderr)
+            return done.stdout.split()[1], int(done.stdout.split()[2])
+        return {"python": python, "cpp": cpp}
+
+    def test_clients_keep_a_copy_that_is_whole(self):
+        for name, mirror in self.client_mirrors().items():
+            with self.subTest(name):
+                spoiling = self.spoiling_proxy()
+                with self.assertRaisesRegex(StillmapError, "other bytes than those of SHA-256"):
+                    mirror(spoiling)
+                self.assertFalse((self.copy / "current").exists())
+                digest, fetched = mirror(self.url)
+                self.assertEqual(digest, self.served["digest"])
+                self.assertEqual(run("inspect", self.copy / "current").returncode, 0)
+                found = json.loads(run("inspect", self.copy / "current", "--json").stdout)
+                self.assertEqual(found["digest"], digest)
+                self.assertEqual(mirror(self.url), (digest, 0))
+                # As if it were another version, whose files are the same.
+                before = "0" * 64
+                (self.copy / digest).rename(self.copy / before)
+                (self.copy / "current").unlink()
+                (self.copy / "current").symlink_to(before)
+                pack = next((self.copy / before / "packs").iterdir())
+                damaged = pack.read_bytes()[:-1] + b"\0\0"
+                pack.unlink()
+                pack.write_bytes(damaged)
+                digest, again = mirror(self.url)
+                self.assertLess(again, fetched)
+                self.assertGreater(again, pack.stat().st_size // 2, "the damaged file is fetched again")
+                self.assertEqual(sorted(x.name for x in self.copy.iterdir()), sorted([before, digest, "current"]))
+                shutil.rmtree(self.copy)
 
     def test_a_damaged_file_of_the_server_never_comes_in(self):
         pack = next((self.folder / "origin" / "packages" / self.served["digest"] / "packs").iterdir())

@@ -25,8 +25,11 @@ inline std::string contents_of(const server::PackageStore& store) {
   for (const server::StoredMap& map : store.state().maps()) {
     text += map.name + "@" + std::to_string(map.revision) + " active " +
             map.active.value_or("none") + " previous " + map.previous.value_or("none");
-    for (const server::StoredVersion& version : store.state().versions(map.name))
+    for (const server::StoredVersion& version : store.state().versions(map.name)) {
       text += " " + version.name + "=" + version.digest.substr(0, 6);
+      for (const auto& each : store.state().signatures().of(map.name, version.digest))
+        text += " signed by " + each.key.substr(0, 6);
+    }
     text += "\n";
     for (const server::StoredDrive& drive : store.state().drives().of_map(map.name))
       text += "drive " + drive.name + " " + std::string(name_of(drive.status)) + " " +

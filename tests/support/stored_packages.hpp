@@ -3,9 +3,12 @@
 #include <stillmap/maps/map_package.hpp>
 
 #include <array>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -43,6 +46,43 @@ inline std::string write_package(const std::filesystem::path& target, int seed,
   manifest.frame_id = "map";
   manifest.registration = std::move(registration);
   return writer.publish(manifest, "{}");
+}
+
+/// Writes a package of ten tiles to FOLDER/0, and two patches of it to FOLDER/1 and FOLDER/2. The
+/// first leaves seven tiles in the first pack. The second leaves three there, less than half, so
+/// that they are written again.
+inline void write_patched_packages(const std::filesystem::path& folder) {
+  const auto tile = [](std::int32_t x, int seed) {
+    std::vector<maps::MapPoint> points(1000);
+    for (std::size_t i = 0; i < points.size(); ++i)
+      points[i] = {static_cast<float>(20 * x) + static_cast<float>(i % 19U),
+                   static_cast<float>(seed),
+                   0,
+                   0,
+                   1,
+                   maps::PointKind::kMeasured,
+                   0};
+    return points;
+  };
+  std::filesystem::create_directory(folder);
+  for (int seed = 0; seed < 3; ++seed) {
+    const std::vector<std::int32_t> changed = seed == 1 ? std::vector{0, 1, 2}
+                                              : seed == 2
+                                                  ? std::vector{3, 4, 5, 6}
+                                                  : std::vector{0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+    maps::MapPackageWriter writer(folder / std::to_string(seed));
+    std::shared_ptr<const maps::MapPackage> before;
+    if (seed > 0) {
+      std::set<maps::TileId> except;
+      for (const std::int32_t x : changed) except.insert({0, x, 0});
+      before = maps::MapPackage::open(folder / std::to_string(seed - 1));
+      writer.take_over(*before, except);
+    }
+    for (const std::int32_t x : changed) writer.add_tile({0, x, 0}, tile(x, seed));
+    maps::MapManifest manifest;
+    manifest.frame_id = "map";
+    writer.publish(manifest, "{}");
+  }
 }
 
 /// Tiles of packages that share one: `kSharedTile` is the same for all seeds, `kOwnTile` is not.

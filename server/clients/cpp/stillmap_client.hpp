@@ -743,8 +743,29 @@ class Client {
   /// @return its bytes. @throws Problem, ConnectionLost, Error when the file cannot be written.
   std::uint64_t download_version(const std::string& map, const std::string& version,
                                  const std::string& path, const std::string& from = {}) {
-    const std::string url =
-        place_of(map, version) + "/content" + (from.empty() ? "" : "?from=" + from);
+    return download(place_of(map, version) + "/content" + (from.empty() ? "" : "?from=" + from),
+                    path);
+  }
+
+  /// The same of one file of the package. @param sha256  of it; that of manifest.json is the
+  /// version's digest.
+  std::uint64_t download_file(const MapReference& map, const std::string& sha256,
+                              const std::string& path) {
+    return download(place_of(map.name, map.version) + "/files/" + sha256, path);
+  }
+
+  /// The version of a map that is active. @throws Problem, ConnectionLost.
+  MapReference active(const std::string& map) {
+    return read<MapReference>(get(place_of(map, {})), [&](const nlohmann::json& json) {
+      return MapReference{map, json.at("version"), json.at("digest")};
+    });
+  }
+
+  /// Also when it has ended already, or the server cannot be reached: it expires by itself.
+  void close_session(const std::string& session) { http_.Delete("/v1/sessions/" + session); }
+
+ private:
+  std::uint64_t download(const std::string& url, const std::string& path) {
     const std::string part = path + ".part";
     std::ofstream file;
     std::uint64_t size = 0;
@@ -777,7 +798,7 @@ class Client {
       std::optional<Problem> problem;
       if (response.status > 0) problem = problem_of(response);
       if (problem && (tries > retries_ || !is_passing(*problem))) throw *problem;
-      if (tries > retries_) throw ConnectionLost("download of " + map + " " + version);
+      if (tries > retries_) throw ConnectionLost("download of " + url);
       std::this_thread::sleep_for(wait_time(tries, problem ? &*problem : nullptr));
     }
     file.close();
@@ -786,10 +807,6 @@ class Client {
     return size;
   }
 
-  /// Also when it has ended already, or the server cannot be reached: it expires by itself.
-  void close_session(const std::string& session) { http_.Delete("/v1/sessions/" + session); }
-
- private:
   static std::string text_of(double value) { return nlohmann::json(value).dump(); }
 
   template <std::size_t kCount>

@@ -121,6 +121,7 @@ StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
                                std::optional<std::int64_t> revision, bool new_frame) {
   const Key key(map, version);
   const StoredMap before = store_.state().map(map);
+  store_.require_signed(map, version);
   const ServedVersion next = load(key);
   if (next.state != MapState::kReady) {
     throw ApiError(ErrorCode::kVersionUnusable,
@@ -204,6 +205,7 @@ void MapCatalog::follow_store() {
   }
   for (const auto& [map, version] : wanted) follow(map, version);
   notice_replaced();
+  notice_trust();
   forget_unused();
 }
 
@@ -243,6 +245,42 @@ void MapCatalog::notice_replaced() {
     else
       slots_.erase(slot);
     changed_.notify_all();
+  }
+}
+
+/// Why a version is not trusted; empty when it is.
+std::string MapCatalog::distrust_of(const Key& key) const {
+  try {
+    store_.require_signed(key.first, key.second);
+    return {};
+  } catch (const StoreRefusal& refusal) {
+    return refusal.reason() == StoreRefusal::Reason::kNotSigned ? refusal.what() : "";
+  }
+}
+
+/// Keys and signatures may come and go while versions are served.
+void MapCatalog::notice_trust() {
+  std::vector<Key> open;
+  {
+    const std::scoped_lock lock(mutex_);
+    for (const auto& [key, slot] : slots_) open.push_back(key);
+  }
+  for (const Key& key : open) {
+    const std::string why = distrust_of(key);
+    const std::scoped_lock lock(mutex_);
+    const auto found = slots_.find(key);
+    if (found == slots_.end() || found->second.is_untrusted == !why.empty()) continue;
+    Slot& slot = found->second;
+    if (slot.served.state == MapState::kLoading) continue;
+    slot.is_untrusted = !why.empty();
+    if (slot.is_untrusted && slot.served.state == MapState::kReady) {
+      spdlog::error("{}", why);
+      slot.served.state = MapState::kFailed;
+      slot.served.failure = why;
+    } else if (!slot.is_untrusted && slot.served.state == MapState::kFailed) {
+      slot.served.state = MapState::kLoading;
+      changed_.notify_all();
+    }
   }
 }
 
@@ -309,6 +347,7 @@ void MapCatalog::make_ready(ServedVersion& version) const {
   const auto begin = std::chrono::steady_clock::now();
   version.failure.clear();
   try {
+    store_.require_signed(version.map, version.version);
     version.localization = localization_options_of(options_folder_, version.map);
     version.aligners =
         std::make_shared<const Aligners>(builder_(*version.package, version.localization));

@@ -130,6 +130,8 @@ class MapCatalog {
     std::uint64_t last_use = 0;
     /// The store has another copy now, which must be loaded.
     bool replaced = false;
+    /// No trusted key has signed it.
+    bool is_untrusted = false;
   };
   struct Active {
     std::string serving;
@@ -141,6 +143,8 @@ class MapCatalog {
   void follow_store();
   void follow(const std::string& map, const std::string& version);
   void notice_replaced();
+  void notice_trust();
+  [[nodiscard]] std::string distrust_of(const Key& key) const;
   [[nodiscard]] std::string shown(const std::exception& error) const;
   [[nodiscard]] Slot opened(const Key& key) const;
   Slot open(const Key& key);

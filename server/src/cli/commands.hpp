@@ -20,6 +20,8 @@ void add_delta(CLI::App& app);
 void add_mirror(CLI::App& app);
 void add_store(CLI::App& app);
 void add_keys(CLI::App& app);
+/// To the group `keys`.
+void add_signing(CLI::App& keys);
 void add_audit(CLI::App& app);
 void add_completion(CLI::App& app);
 /// Names the commands of our other programs, so that the help lists them.

@@ -97,7 +97,8 @@ void revoke(const KeyArguments& arguments) {
 
 void add_keys(CLI::App& app) {
   auto arguments = std::make_shared<KeyArguments>();
-  CLI::App* group = app.add_subcommand("keys", "Manage the API keys of a store's server");
+  CLI::App* group = app.add_subcommand(
+      "keys", "Manage the API keys of a store's server, and keys that sign maps");
   group->require_subcommand(1);
   const auto add = [&](const char* name, const char* help, void (*run)(const KeyArguments&),
                        const CLI::Validator& check = command_line::existing_folder()) {
@@ -131,6 +132,7 @@ void add_keys(CLI::App& app) {
   add("revoke", "Revoke a key; a running server refuses it at once", revoke)
       ->add_option("ID", arguments->id, "The part of the key between its underscores")
       ->required();
+  add_signing(*group);
 }
 
 }  // namespace stillmap::cli

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "command_line/progress_bar.hpp"
 #include "command_line/result_output.hpp"
@@ -26,6 +27,8 @@ struct MirrorCommand {
   server::MirrorOptions options;
   std::optional<double> megabytes_a_second, most_megabytes;
   std::optional<double> every_s;
+  std::filesystem::path trusted;
+  std::vector<double> around;
   command_line::JsonOutput json;
 };
 
@@ -37,6 +40,7 @@ std::optional<std::uint64_t> bytes_of(const std::optional<double>& megabytes) {
 void print(const server::MirrorResult& result, const MirrorCommand& asked) {
   asked.json.write(nlohmann::ordered_json{{"version", result.version},
                                           {"digest", result.digest},
+                                          {"regions", result.regions},
                                           {"is_new", result.is_new},
                                           {"bytes", result.bytes},
                                           {"bytes_fetched", result.bytes_fetched}}
@@ -45,6 +49,7 @@ void print(const server::MirrorResult& result, const MirrorCommand& asked) {
   command_line::Table table;
   table.add("map", asked.options.map + "/" + result.version);
   table.add("digest", result.digest);
+  if (asked.options.around) table.add("regions", std::to_string(result.regions));
   table.add("fetched", result.is_new ? fmt::format("{} of {} bytes",
                                                    command_line::grouped(result.bytes_fetched),
                                                    command_line::grouped(result.bytes))
@@ -67,6 +72,9 @@ bool mirror_once(const MirrorCommand& asked, server::PackageStore& store,
 void mirror(MirrorCommand& asked) {
   asked.options.bytes_a_second = bytes_of(asked.megabytes_a_second);
   asked.options.most_bytes = bytes_of(asked.most_megabytes);
+  if (!asked.around.empty())
+    asked.options.around = {{asked.around.at(0), asked.around.at(1)}, asked.around.at(2)};
+  if (!asked.trusted.empty()) asked.options.trusted = server::read_public_keys(asked.trusted);
   const char* const key = std::getenv(kKeyVariable);
   const auto source = server::http_source(asked.url, key == nullptr ? "" : key);
   server::PackageStore::make_folder(asked.store);
@@ -108,6 +116,18 @@ void add_mirror(CLI::App& app) {
       ->add_option("--most", asked->most_megabytes,
                    "Refuse a version of more megabytes (default: no limit)")
       ->check(CLI::Range(0.001, 1e9));
+  command
+      ->add_option(
+          "--around", asked->around,
+          "Keep only the regions (640 m) that reach into a circle: x and y in the map frame "
+          "and the radius, in metres (default: all)")
+      ->expected(3)
+      ->type_name("X Y RADIUS");
+  command
+      ->add_option("--trusted", asked->trusted,
+                   "Public keys in PEM: refuse a version that none of them has signed (default: "
+                   "take all)")
+      ->check(command_line::existing_file());
   command
       ->add_option("--every", asked->every_s,
                    "Look again after so many seconds, until it is stopped (default: once)")

@@ -90,6 +90,7 @@ server::ReloadResult reload_parts(const server::ConfigSources& sources, const Re
   return server::reload(
       now, parts.options,
       {[&](const server::ServerOptions&) { return parts.server.prepare_certificate(); },
+       [&](const server::ServerOptions& next) { return parts.server.prepare_trust(next); },
        [&](const server::ServerOptions& next) {
          return [&server = parts.server, next] { server.reload(next); };
        },

@@ -14,6 +14,14 @@ std::vector<Option> listening_options() {
        .text = "Folder with options of localization: a file MAP.json for each map that needs its "
                "own. It is read when a version of the map is loaded. Empty means the defaults for "
                "all maps."},
+      {.key = "trusted_keys_file",
+       .field = at(&S::trusted_keys_file),
+       .text = "Public keys (Ed25519, PEM, one or several) of those who may sign versions. Then an "
+               "upload is taken, and a version is made active and answers poses, only if one of "
+               "them has signed it. The file is read again on SIGHUP. Empty means that nothing "
+               "needs to "
+               "be signed.",
+       .reloadable = true},
       {.key = "host",
        .field = at(&S::host),
        .text = "Address to listen on; anything but loopback needs `allow_remote`."},

@@ -14,6 +14,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kRefusedKey, "RefusedKey", "The key is not valid", 401},
     ErrorInfo{ErrorCode::kForbidden, "Forbidden", "The request is not allowed", 403},
     ErrorInfo{ErrorCode::kReadOnly, "ReadOnly", "This server takes no changes", 403},
+    ErrorInfo{ErrorCode::kNotSigned, "NotSigned", "No trusted key has signed the version", 403},
     ErrorInfo{ErrorCode::kUnknownRoute, "UnknownRoute", "Nothing is served at this path", 404},
     ErrorInfo{ErrorCode::kUnknownMap, "UnknownMap", "No map of this name", 404},
     ErrorInfo{ErrorCode::kUnknownVersion, "UnknownVersion", "The map has no such version", 404},

@@ -16,6 +16,7 @@ enum class ErrorCode {
   kRefusedKey,
   kForbidden,
   kReadOnly,
+  kNotSigned,
   kUnknownRoute,
   kUnknownMap,
   kUnknownVersion,

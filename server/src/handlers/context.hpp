@@ -63,6 +63,7 @@ void add_version_routes(std::vector<Route>& routes, const Context& context);
 void add_package_routes(std::vector<Route>& routes, const Context& context);
 void add_upload_routes(std::vector<Route>& routes, const Context& context);
 void add_drive_routes(std::vector<Route>& routes, const Context& context);
+void add_signature_routes(std::vector<Route>& routes, const Context& context);
 void add_edit_routes(std::vector<Route>& routes, const Context& context);
 void add_rebuild_routes(std::vector<Route>& routes, const Context& context);
 void add_job_routes(std::vector<Route>& routes, const Context& context);

@@ -3,6 +3,7 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
+#include "handlers/page_query.hpp"
 #include "handlers/tile_answer.hpp"
 #include "security/map_limits.hpp"
 
@@ -127,6 +128,26 @@ std::string one_version(const Context& context, const StoredMap& map, const Path
                   stored ? describe_version(context, version.map, *stored) : DescribedVersion{});
 }
 
+/// The version that was active at the time that `as_of` in the query says; nothing without one.
+/// @throws ApiError kInvalidRequest, kUnknownVersion.
+std::optional<std::string> version_as_of(const Context& context, const HttpRequest& request,
+                                         const std::string& map) {
+  const auto values = read_query(request, {"as_of"});
+  const auto text = values.find("as_of");
+  if (text == values.end()) return std::nullopt;
+  const std::optional<std::int64_t> time_ns = time_in(text->second);
+  if (!time_ns)
+    throw field_error(ErrorCode::kInvalidRequest, "as_of", "'" + text->second + "'",
+                      "a time in UTC such as 2026-11-29T10:30:00Z, or nanoseconds since 1970");
+  std::string version = context.store.state().active_at(map, *time_ns);
+  if (!context.store.state().find_version(map, version))
+    throw ApiError(ErrorCode::kUnknownVersion,
+                   "version '" + version + "' of map '" + map +
+                       "' was active then and has been removed since; retention.versions says how "
+                       "many are kept");
+  return version;
+}
+
 }  // namespace
 
 DescribedVersion describe_version(const Context& context, const std::string& map,
@@ -151,8 +172,12 @@ DescribedVersion describe_version(const Context& context, const std::string& map
 }
 
 void add_map_routes(std::vector<Route>& routes, const Context& context) {
-  const Handler one = [&context](const HttpRequest&, const PathParameters& path) {
-    const StoredMap map = context.store.state().map(path.at("map"));
+  const Handler one = [&context](const HttpRequest& request, const PathParameters& names) {
+    const StoredMap map = context.store.state().map(names.at("map"));
+    PathParameters path = names;
+    if (!version_in(path))
+      if (const auto version = version_as_of(context, request, map.name))
+        path.emplace("version", *version);
     // A map without an active version is there all the same.
     HttpResponse response = json_response(
         !map.active && !version_in(path) ? stored_map_json(map) : one_version(context, map, path));

@@ -20,6 +20,8 @@ namespace stillmap::server {
 namespace {
 
 constexpr std::int64_t kDay_ns = std::int64_t{86'400} * 1'000'000'000;
+/// Disks note that a file was read once a day.
+constexpr std::int64_t kDerivedKept_ns = 2 * kDay_ns;
 /// In the store's folder: nanoseconds since 1970.
 constexpr const char* kRetentionClock = "retention-clock";
 
@@ -90,6 +92,7 @@ void keep_house(const RetentionOptions& options, PackageStore& store, DriveStore
     attempt("the audit log", [&] {
       store.even_when_full([&] { store.audit().remove_older_than(options.audit_days, now_ns); });
     });
+  attempt("what was made of versions", [&] { store.drop_derived(now_ns - kDerivedKept_ns); });
   if (options.versions > 0) {
     attempt("versions",
             [&] { remove_old_versions(store, static_cast<std::size_t>(options.versions)); });

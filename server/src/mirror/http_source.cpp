@@ -29,11 +29,7 @@ class HttpSource final : public MirrorSource {
 
   Active active(const std::string& map) override {
     const std::string path = "/v1/maps/" + map;
-    std::string body;
-    ask(path, {}, [&](std::string_view piece) {
-      body += piece;
-      return body.size() <= kMostAnswer;
-    });
+    const std::string body = whole(path);
     const auto json = nlohmann::json::parse(body, nullptr, false);
     const auto text = [&](const char* name) {
       const auto found = json.is_object() ? json.find(name) : json.end();
@@ -47,6 +43,12 @@ class HttpSource final : public MirrorSource {
     return active;
   }
 
+  std::vector<MapSignature> signatures(const std::string& map,
+                                       const std::string& version) override {
+    const std::string path = fmt::format("/v1/maps/{}/versions/{}/signatures", map, version);
+    return parse_signatures(whole(path), url_ + path);
+  }
+
   void read(const File& file, std::uint64_t offset, const Take& take) override {
     const std::string path =
         fmt::format("/v1/maps/{}/versions/{}/files/{}", file.map, file.version, file.sha256);
@@ -56,6 +58,14 @@ class HttpSource final : public MirrorSource {
   }
 
  private:
+  std::string whole(const std::string& path) {
+    std::string body;
+    ask(path, {}, [&](std::string_view piece) {
+      body += piece;
+      return body.size() <= kMostAnswer;
+    });
+    return body;
+  }
   void ask(const std::string& path, const httplib::Headers& headers, const Take& take,
            int expected = 200) {
     int status = 0;

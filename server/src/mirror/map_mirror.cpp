@@ -5,6 +5,7 @@
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/package_delta.hpp>
 #include <stillmap/maps/package_files.hpp>
+#include <stillmap/maps/package_part.hpp>
 #include <stillmap/maps/text.hpp>
 
 #include <algorithm>
@@ -25,6 +26,9 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr const char* kMirrorName = "mirror";
+/// Manifest of the map that a part is cut from.
+constexpr const char* kWholeName = "whole.json";
+constexpr std::size_t kMostName = 63;
 /// The manifest of the largest map has some megabytes.
 constexpr std::uint64_t kMostManifest = std::uint64_t{256} << 20U;
 
@@ -68,9 +72,17 @@ class Mirror {
   }
 
   MirrorResult run() {
-    if (is_current()) return result_;
+    const auto signatures = source_.signatures(options_.map, active_.version);
+    refuse_untrusted(signatures);
+    if (is_current()) {
+      store_.signatures().add(options_.map, active_.digest, signatures);
+      return result_;
+    }
     clear_others();
-    const maps::MapManifest manifest = fetched_manifest();
+    maps::MapManifest manifest = fetched_manifest();
+    if (options_.around) {
+      if (!cut(manifest)) return result_;
+    }
     refuse_too_large(manifest);
     try {
       publish(manifest, base());
@@ -79,7 +91,9 @@ class Mirror {
       if (!base()) throw;
       publish(manifest, std::nullopt);
     }
-    store_.activate(options_.map, active_.version);
+    // They are of the whole.
+    if (!options_.around) store_.signatures().add(options_.map, active_.digest, signatures);
+    store_.activate(options_.map, name_);
     fs::remove_all(store_.folder() / kMirrorName);
     (void)store_.keep_newest(options_.map, 0);
     result_.is_new = true;
@@ -94,7 +108,7 @@ class Mirror {
   }
   [[nodiscard]] bool is_current() const {
     const auto map = stored();
-    return map && map->active == active_.version &&
+    return map && !options_.around && map->active == active_.version &&
            store_.state().version(options_.map, active_.version).digest == active_.digest;
   }
   /// The version that the store has, whose files need not be fetched.
@@ -114,9 +128,47 @@ class Mirror {
   }
 
   maps::MapManifest fetched_manifest() {
-    const fs::path file = folder_ / maps::kManifestName;
+    const fs::path file = folder_ / (options_.around ? kWholeName : maps::kManifestName);
     fetch(file, {kMostManifest, active_.digest}, /*size_is_known=*/false);
     return maps::parse_manifest(maps::read_text(file), file.string());
+  }
+
+  /// Makes the manifest that of the part which was asked for, and writes it.
+  /// @return false when this part is the active version.
+  bool cut(maps::MapManifest& manifest) {
+    const MirrorOptions::Around& around = *options_.around;
+    const maps::PackagePart part{
+        active_.digest, maps::regions_around(manifest, around.place_map_m, around.radius_m)};
+    result_.regions = part.regions.size();
+    if (part.regions.empty())
+      throw maps::InputError(options_.map + "/" + active_.version,
+                             fmt::format("nothing within {:g} m of {:g}, {:g}", around.radius_m,
+                                         around.place_map_m.x(), around.place_map_m.y()),
+                             "a place in the map: coordinates are those of the map frame");
+    if (const auto active = base();
+        active &&
+        maps::part_in(maps::MapPackage::open(store_.packages().path_of(*active))->manifest()) ==
+            part)
+      return false;
+    for (const auto& [path, file] : maps::files_but_packs(manifest, part.regions))
+      if (path.ends_with(".node")) fetch(folder_ / path, file, /*size_is_known=*/true);
+    manifest = maps::manifest_of_part(manifest, part, folder_);
+    const std::string text = maps::manifest_text(manifest);
+    std::ofstream(folder_ / maps::kManifestName, std::ios::binary) << text << std::flush;
+    const std::string suffix = ".part-" + maps::sha256_of(text).substr(0, 8);
+    name_ = active_.version.substr(0, kMostName - suffix.size()) + suffix;
+    return true;
+  }
+
+  void refuse_untrusted(const std::vector<MapSignature>& signatures) const {
+    if (!options_.trusted ||
+        is_signed_by(*options_.trusted, signatures, options_.map, active_.digest))
+      return;
+    throw maps::InputError(
+        options_.map + "/" + active_.version,
+        fmt::format("{} signatures, none by a trusted key", signatures.size()),
+        "one: sign it with `stillmap keys sign`, or give the public key of who signed it; the "
+        "version before stays active");
   }
 
   void refuse_too_large(const maps::MapManifest& manifest) {
@@ -149,8 +201,7 @@ class Mirror {
       at += got;
       return got;
     };
-    (void)store_.add_archive(options_.map, active_.version,
-                             {source, options_.map + "/" + active_.version});
+    (void)store_.add_archive(options_.map, name_, {source, options_.map + "/" + name_});
   }
 
   void tell(std::uint64_t of_file) const {
@@ -216,6 +267,8 @@ class Mirror {
   const MirrorProgress& progress_;
   const std::atomic<bool>& cancel_;
   MirrorSource::Active active_;
+  /// Of the version here.
+  std::string name_ = active_.version;
   fs::path folder_;
   Pace pace_;
   MirrorResult result_;

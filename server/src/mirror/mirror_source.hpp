@@ -7,6 +7,9 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <vector>
+
+#include "signing/map_signature.hpp"
 
 namespace stillmap::server {
 
@@ -26,6 +29,10 @@ class MirrorSource {
   };
   /// @throws MirrorSourceError, also for a map without a version that is served.
   [[nodiscard]] virtual Active active(const std::string& map) = 0;
+
+  /// Those of a version. @throws MirrorSourceError; maps::InputError for what is none.
+  [[nodiscard]] virtual std::vector<MapSignature> signatures(const std::string& map,
+                                                             const std::string& version) = 0;
 
   /// A file of a version.
   struct File {

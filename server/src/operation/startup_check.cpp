@@ -1,6 +1,7 @@
 #include "operation/startup_check.hpp"
 
 #include "http/tls.hpp"
+#include "signing/ed25519.hpp"
 
 #include <unistd.h>
 
@@ -83,6 +84,15 @@ std::optional<Trouble> tls_trouble(const TlsOptions& tls) {
   }
 }
 
+std::optional<Trouble> keys_trouble(const fs::path& file) {
+  try {
+    static_cast<void>(read_public_keys(file));
+    return std::nullopt;
+  } catch (const std::exception& error) {
+    return Trouble{error.what(), "public keys that can be used"};
+  }
+}
+
 }  // namespace
 
 std::vector<ConfigProblem> problems_of_files(const ResolvedConfig& config) {
@@ -96,6 +106,8 @@ std::vector<ConfigProblem> problems_of_files(const ResolvedConfig& config) {
   const ServerOptions& options = config.options;
   if (!options.store.empty()) add("store", store_trouble(options.store));
   if (options.tls.enabled()) add("tls.certificate_file", tls_trouble(options.tls));
+  if (!options.trusted_keys_file.empty())
+    add("trusted_keys_file", keys_trouble(options.trusted_keys_file));
   if (!options.log.file.empty()) add("log.file", log_trouble(options.log.file));
   return problems;
 }

@@ -128,11 +128,13 @@ IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& sent,
     check_size(name + ": " + maps::kBuildName, build->second.bytes, kLargestBuildJson);
     kept.insert(build->first);
   }
+  const fs::path place = root.empty() ? unpacked : (unpacked / root).parent_path();
+  const auto signatures = signatures_beside(place);
   const std::set<std::string> folders = drop_others(unpacked, found, kept, root, disk);
   for (const std::string& path : kept) disk.sync_file(unpacked / path);
   for (const std::string& folder : folders) disk.sync_folder(unpacked / folder);
   disk.sync_folder(unpacked);
-  return {root.empty() ? unpacked : (unpacked / root).parent_path(), std::move(package)};
+  return {place, std::move(package), signatures};
 }
 
 }  // namespace stillmap::server

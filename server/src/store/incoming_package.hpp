@@ -2,7 +2,9 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
+#include "signing/map_signature.hpp"
 #include "store/archive_files.hpp"
 #include "store/durable_files.hpp"
 #include "store/package_copy.hpp"
@@ -14,11 +16,13 @@ struct IncomingPackage {
   /// The folder that was unpacked into, or the one in it that holds the package.
   std::filesystem::path folder;
   CopiedPackage package;
+  /// That came beside its manifest.
+  std::vector<MapSignature> signatures{};
 };
 
 /// Makes a package of what was unpacked (with SHA-256): finds its manifest, compares every listed
-/// file with it, drops what is not listed, but build.json, and syncs all of it.
-/// A listed file that was not sent is taken from the known ones, by a link or a copy.
+/// file with it, drops what is not listed, but build.json, and syncs all of it. Signatures are read
+/// and dropped. A listed file that was not sent is taken from the known ones, by a link or a copy.
 /// @param name  of the archive, for messages.
 /// @throws InputError naming the file that is missing or not what the manifest says; StorageError.
 IncomingPackage keep_package(const std::filesystem::path& unpacked, const ArchiveFiles& found,

@@ -34,6 +34,23 @@ bool has_package(SqliteDatabase& database, std::string_view map, std::string_vie
   return row.bind(map).bind(digest).step();
 }
 
+FileBytes files_of(const StoredVersion& version) {
+  return version.files.empty() ? FileBytes{{version.digest, version.bytes}} : version.files;
+}
+
+/// Bytes of the files that no version of a map has.
+std::uint64_t new_bytes(SqliteDatabase& database, std::string_view map,
+                        const StoredVersion& version) {
+  std::uint64_t bytes = 0;
+  for (const auto& [sha256, size] : files_of(version)) {
+    SqliteStatement row(database,
+                        "SELECT 1 FROM package_files f JOIN versions v ON v.digest = f.package"
+                        " WHERE f.sha256 = ? AND v.map = ?");
+    if (!row.bind(sha256).bind(map).step()) bytes += size;
+  }
+  return bytes;
+}
+
 void refuse_over(std::optional<std::uint64_t> limit, std::uint64_t used, std::uint64_t more,
                  const std::string& whose) {
   if (!limit || (used <= *limit && more <= *limit - used)) return;
@@ -97,14 +114,32 @@ std::string current_digest(SqliteDatabase& database, std::string_view digest) {
 void condemn_unused(SqliteDatabase& database, std::string_view digest) {
   if (is_used(database, digest)) return;
   SqliteStatement(database, "INSERT OR IGNORE INTO condemned VALUES (?)").bind(digest).step();
+  for (const char* sql :
+       {"DELETE FROM package_files WHERE package = ?", "DELETE FROM signatures WHERE package = ?"})
+    SqliteStatement(database, sql).bind(digest).step();
+}
+
+void add_files(SqliteDatabase& database, const StoredVersion& version) {
+  SqliteStatement known(database, "SELECT 1 FROM package_files WHERE package = ?");
+  if (known.bind(version.digest).step()) return;
+  for (const auto& [sha256, bytes] : files_of(version))
+    SqliteStatement(database, "INSERT INTO package_files VALUES (?, ?, ?)")
+        .bind(version.digest)
+        .bind(sha256)
+        .bind(static_cast<std::int64_t>(bytes))
+        .step();
 }
 
 std::uint64_t bytes_of(SqliteDatabase& database, const std::optional<std::string>& map) {
-  // Several versions may share one package.
+  // Several versions may share one package, and versions of one map share files. A package of
+  // several maps lies there once.
   SqliteStatement sum(
       database,
-      "SELECT (SELECT coalesce(sum(bytes), 0) FROM (SELECT DISTINCT digest, bytes FROM versions"
-      "        WHERE ?1 IS NULL OR map = ?1))"
+      "SELECT (SELECT coalesce(sum(bytes), 0) FROM (SELECT DISTINCT v.map,"
+      "        coalesce(f.sha256, v.digest), coalesce(f.bytes, v.bytes) AS bytes FROM"
+      "        (SELECT min(map) AS map, digest, max(bytes) AS bytes FROM versions"
+      "         WHERE ?1 IS NULL OR map = ?1 GROUP BY digest) v"
+      "        LEFT JOIN package_files f ON f.package = v.digest))"
       " + (SELECT coalesce(sum(p.bytes), 0) FROM drive_parts p JOIN drives d ON d.id = p.drive"
       "    WHERE (?1 IS NULL OR d.map = ?1) AND (d.version IS NULL OR d.status <> 'complete'))");
   sum.bind(map).step();
@@ -113,12 +148,14 @@ std::uint64_t bytes_of(SqliteDatabase& database, const std::optional<std::string
 
 void refuse_over_quota(SqliteDatabase& database, const StoreQuota& quota, const Arrival& arrival) {
   const std::string_view map = arrival.map;
-  const std::string digest = current_digest(database, arrival.digest);
+  const StoredVersion* const version = arrival.version;
+  const std::string digest = version ? current_digest(database, version->digest) : "";
+  const std::uint64_t bytes = version ? new_bytes(database, map, *version) : arrival.bytes;
   if (quota.map_bytes && !has_package(database, map, digest))
     refuse_over(quota.map_bytes, bytes_of(database, std::string(map)) + arrival.waiting.of_map,
-                arrival.bytes, "map " + in_quotes(map));
+                bytes, "map " + in_quotes(map));
   if (quota.store_bytes && !is_used(database, digest))
-    refuse_over(quota.store_bytes, bytes_of(database, {}) + arrival.waiting.of_store, arrival.bytes,
+    refuse_over(quota.store_bytes, bytes_of(database, {}) + arrival.waiting.of_store, bytes,
                 "the store");
 }
 

@@ -34,6 +34,9 @@ namespace stillmap::server {
 /// Notes it for removal when no version holds it.
 void condemn_unused(SqliteDatabase& database, std::string_view digest);
 
+/// Notes the files of a package, unless that was done. @param version  of which no files are known
+/// counts as one file.
+void add_files(SqliteDatabase& database, const StoredVersion& version);
 /// Of packages and drives; of the whole store when the map is nothing.
 [[nodiscard]] std::uint64_t bytes_of(SqliteDatabase& database,
                                      const std::optional<std::string>& map);
@@ -41,8 +44,8 @@ void condemn_unused(SqliteDatabase& database, std::string_view digest);
 struct Arrival {
   std::string_view map;
   std::uint64_t bytes = 0;
-  /// Of a package, which may be there already; empty when it is none.
-  std::string_view digest{};
+  /// When it is a version, which may have files that are there already: its bytes are counted.
+  const StoredVersion* version = nullptr;
   WaitingBytes waiting{};
 };
 /// As `StoreState::check_quota`.

@@ -46,11 +46,38 @@ StoredVersion version_in(const fs::path& package, std::string_view name) {
   const fs::path manifest_file = package / maps::kManifestName;
   const std::string text = maps::read_text(manifest_file);
   StoredVersion version{.name = std::string(name), .digest = maps::sha256_of(text)};
-  for (const auto& [path, file] : maps::parse_manifest(text, manifest_file.string()).files)
+  version.files = {{version.digest, text.size()}};
+  for (const auto& [path, file] : maps::parse_manifest(text, manifest_file.string()).files) {
     version.bytes += file.bytes;
+    version.files.emplace(file.sha256, file.bytes);
+  }
   version.bytes += text.size();
   version.created_ns = now_ns();
   return version;
+}
+
+/// @param name  of what they came with, for messages. @throws InputError for one of something else.
+std::vector<MapSignature> checked(std::vector<MapSignature> signatures, std::string_view map,
+                                  const std::string& digest, const std::string& name) {
+  for (const MapSignature& each : signatures)
+    if (!is_signature_of(each, map, digest))
+      throw maps::InputError(name, "a signature by " + each.key + " of something else",
+                             "of map '" + std::string(map) + "' and package " + digest +
+                                 ": sign it again with `stillmap keys sign`");
+  return signatures;
+}
+
+/// When a file in a folder was read or written last; what the disk does not tell is new.
+std::int64_t last_use_ns(const fs::path& folder) {
+  constexpr std::int64_t kSecond_ns = 1'000'000'000;
+  std::int64_t last = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    struct stat found {};
+    if (::stat(entry.path().c_str(), &found) != 0) return INT64_MAX;
+    for (const timespec& time : {found.st_atim, found.st_mtim})
+      last = std::max(last, kSecond_ns * time.tv_sec + time.tv_nsec);
+  }
+  return last;
 }
 
 void refuse_unwanted(const std::optional<PackageStore::Maker>& maker) {
@@ -85,6 +112,7 @@ PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
   try {
     clear_condemned();
     packages_.clear_leftovers();
+    note_files();
   } catch (const maps::StorageError& error) {
     // A full or failing disk must not keep maps from being served.
     not_cleared_because_ = error.what();
@@ -125,6 +153,27 @@ void PackageStore::set_quota(const StoreQuota& quota) {
 StoreQuota PackageStore::quota() const {
   const std::scoped_lock lock(quota_mutex_);
   return quota_;
+}
+
+void PackageStore::set_trust(const std::optional<PublicKeys>& keys) {
+  const std::scoped_lock lock(trust_mutex_);
+  trust_ = keys;
+}
+
+void PackageStore::require_signed(std::string_view map, std::string_view version) const {
+  require_trust(map, state_->version(map, version));
+}
+
+void PackageStore::require_trust(std::string_view map, const StoredVersion& version) const {
+  const std::scoped_lock lock(trust_mutex_);
+  if (!trust_ || is_signed_by(*trust_, version.signatures, map, version.digest) ||
+      is_signed_by(*trust_, state_->signatures().of(map, version.digest), map, version.digest))
+    return;
+  throw StoreRefusal(
+      StoreRefusal::Reason::kNotSigned,
+      "no trusted key has signed version '" + version.name + "' of map '" + std::string(map) +
+          "' (" + version.digest +
+          "): sign it with `stillmap keys sign`, or add its key to trusted_keys_file");
 }
 
 void PackageStore::check_quota(std::string_view map, std::uint64_t more_bytes,
@@ -180,12 +229,17 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   check_name("map", map);
   check_name("version", version);
   StoredVersion wanted = version_in(package, version);
+  wanted.signatures = checked(signatures_beside(package), map, wanted.digest, package.string());
+  if (!maker) require_trust(map, wanted);
 
   // Before gigabytes are copied.
   state_->check_version(map, wanted, quota());
   const auto known = state_->find_version(map, version);
   const bool whole = find_whole(map, wanted);
-  if (known && whole && !maker) return {*known, false};
+  if (known && whole && !maker) {
+    state_->signatures().add(map, wanted.digest, wanted.signatures);
+    return {*known, false};
+  }
   const DurableFiles files(*calls_);
   std::optional<FolderLock> lock(locked());
   const auto job = maker ? std::optional(maker->job) : std::nullopt;
@@ -222,9 +276,9 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
                            *sha256 + " as announced: send it again");
   const IncomingPackage package =
       keep_package(incoming.path(), found, archive.name, files, files_of_versions(map, {}));
-  StoredVersion wanted{.name = std::string(version), .digest = package.package.digest};
-  wanted.bytes = package.package.bytes;
-  wanted.created_ns = now_ns();
+  StoredVersion wanted = version_in(package.folder, version);
+  wanted.signatures = checked(package.signatures, map, wanted.digest, archive.name);
+  require_trust(map, wanted);
   check_readable(package.folder);
   share_files(package.folder, files_of_versions(map, wanted.digest), files);
   const bool whole = find_whole(map, wanted);
@@ -303,6 +357,17 @@ KnownFiles PackageStore::files_of_versions(std::string_view map, const std::stri
   return known;
 }
 
+/// Of packages that came before the store knew of files.
+void PackageStore::note_files() {
+  for (const std::string& digest : state_->packages_without_files()) {
+    try {
+      state_->note_files(digest, version_in(packages_.path_of(digest), {}).files);
+    } catch (const maps::InputError&) {
+      // A damaged package counts when it is mended.
+    }
+  }
+}
+
 /// Whether its package lies there whole, by itself or as what it was migrated to, which the version
 /// then has instead.
 bool PackageStore::find_whole(std::string_view map, StoredVersion& version) const {
@@ -329,7 +394,7 @@ StoredVersion PackageStore::replace(const std::string& former, PackageFolder::In
   if (!packages_.has_whole(converted.digest))
     incoming.publish(package, packages_.path_of(converted.digest));
   packages_.sync();
-  state_->replace_package(former, converted.digest, converted.bytes);
+  state_->replace_package(former, converted);
   clear_condemned_if_possible();
   return converted;
 }
@@ -339,19 +404,23 @@ PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersi
                                          std::optional<std::int64_t> job) {
   packages_.sync();
   const bool is_new = state_->add_version(map, version, quota(), job);
+  state_->signatures().add(map, version.digest, version.signatures);
   return {state_->version(map, version.name), is_new};
 }
 
 StoredMap PackageStore::activate(std::string_view map, std::string_view version,
                                  std::optional<std::int64_t> revision) {
   (void)open(map, version);
+  require_signed(map, version);
   return state_->activate(map, version, revision);
 }
 
 StoredMap PackageStore::roll_back(std::string_view map, std::optional<std::int64_t> revision) {
   const StoredMap seen = state_->map(map);
-  if (seen.previous && revision.value_or(seen.revision) == seen.revision)
+  if (seen.previous && revision.value_or(seen.revision) == seen.revision) {
     (void)open(map, *seen.previous);
+    require_signed(map, *seen.previous);
+  }
   // What was checked is what must become active, so the map may not have changed meanwhile.
   return state_->roll_back(map, revision ? revision : seen.revision);
 }
@@ -390,6 +459,23 @@ std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::si
   }
   clear_condemned_if_possible();
   return removed;
+}
+
+void PackageStore::drop_derived(std::int64_t not_since_ns) {
+  const FolderLock lock = locked();
+  std::set<std::string> used, others;
+  for (const StoredMap& map : state_->maps())
+    for (const StoredVersion& version : state_->versions(map.name))
+      (version.name == map.active || version.name == map.previous ? used : others)
+          .insert(version.digest);
+  const DurableFiles files(*calls_);
+  for (const std::string& digest : others) {
+    if (used.contains(digest)) continue;
+    for (const char* name : kDerivedFolders) {
+      const fs::path folder = packages_.path_of(digest) / name;
+      if (is_there(folder) && last_use_ns(folder) < not_since_ns) files.remove_tree(folder);
+    }
+  }
 }
 
 /// The rows are removed, which must not look like a failure; the rest stays noted.

@@ -58,6 +58,7 @@ class PackageStore {
   [[nodiscard]] DriveTable& drives() { return state_->drives(); }
   [[nodiscard]] EditsTable& edits() { return state_->edits(); }
   [[nodiscard]] AuditLog& audit() { return state_->audit(); }
+  [[nodiscard]] SignatureTable& signatures() { return state_->signatures(); }
   /// Why what is not needed any more still lies there; empty when it was cleared at opening.
   [[nodiscard]] const std::string& not_cleared_because() const { return not_cleared_because_; }
   /// Why the store is open for reading only; empty when it is not.
@@ -65,6 +66,11 @@ class PackageStore {
   /// For versions and drives to come; what is there already stays.
   void set_quota(const StoreQuota& quota);
   [[nodiscard]] StoreQuota quota() const;
+  /// From then on a version is taken and made active only when one of these keys has signed it;
+  /// nothing: all are. What a job makes is taken without, and waits for a signature.
+  void set_trust(const std::optional<PublicKeys>& keys);
+  /// @throws StoreRefusal kNotSigned, kUnknownMap, kUnknownVersion.
+  void require_signed(std::string_view map, std::string_view version) const;
   /// Whether so many bytes may come, of a drive or of what becomes a package.
   /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota, kDiskReserve.
   void check_quota(std::string_view map, std::uint64_t more_bytes,
@@ -107,7 +113,8 @@ class PackageStore {
   /// package that was migrated since is there already, as what it has become.
   /// @throws std::invalid_argument for a name that is not `is_valid_map_name`; InputError naming
   /// what is wrong with the package; StoreRefusal kOtherDigest; kOverQuota, before bytes are
-  /// copied; kNotProcessing for a maker that is cancelled or unwanted. Nothing is left then.
+  /// copied; kNotProcessing for a maker that is cancelled or unwanted; kNotSigned. Nothing is left
+  /// then. Signatures beside the package's manifest come with it.
   /// @param maker  may be cancelled until its version is there, and no longer.
   Added add(std::string_view map, std::string_view version, const std::filesystem::path& package,
             const std::optional<Maker>& maker = {});
@@ -132,7 +139,7 @@ class PackageStore {
   /// @return the path of the first that is damaged; empty when the package is whole.
   [[nodiscard]] std::string damage_of(const PackageArchive& archive) const;
   /// As `StoreState::activate`, but a package that cannot be opened never becomes active.
-  /// @throws also InputError.
+  /// @throws also InputError, StoreRefusal kNotSigned.
   StoredMap activate(std::string_view map, std::string_view version,
                      std::optional<std::int64_t> revision = {});
   /// As `StoreState::roll_back`, with the same check.
@@ -150,6 +157,10 @@ class PackageStore {
   /// Removes all versions but the active one, the one to roll back to, and the newest `count` of
   /// the others. @return those removed, oldest first. @throws StoreRefusal kUnknownMap.
   std::vector<std::string> keep_newest(std::string_view map, std::size_t count);
+
+  /// Removes what was made of packages (indexes, levels of detail) of which no version is active or
+  /// the one to roll back to, and that nobody has read since a time.
+  void drop_derived(std::int64_t not_since_ns);
 
   // The rest is for backups (store_backup.hpp), checks and cleaning (store_upkeep.hpp).
 
@@ -170,6 +181,9 @@ class PackageStore {
   void refuse_lost_state() const;
   void open_read_only(const maps::StorageError& reason);
   [[nodiscard]] bool find_whole(std::string_view map, StoredVersion& version) const;
+  void note_files();
+  /// @param version  with the signatures that come with it, or without. @throws StoreRefusal.
+  void require_trust(std::string_view map, const StoredVersion& version) const;
   Added commit(std::string_view map, const StoredVersion& version,
                std::optional<std::int64_t> job = {});
   Added publish(PackageFolder::Incoming& incoming, const std::filesystem::path& package,
@@ -197,6 +211,8 @@ class PackageStore {
   mutable std::map<std::string, Compared, std::less<>> compared_;
   mutable std::mutex quota_mutex_;
   StoreQuota quota_;
+  mutable std::mutex trust_mutex_;
+  std::optional<PublicKeys> trust_;
 };
 
 }  // namespace stillmap::server

@@ -15,7 +15,7 @@ constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`.
-constexpr std::array<const char*, 7> kSteps = {
+constexpr std::array<const char*, 8> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -160,6 +160,31 @@ CREATE TABLE migrated (
   digest TEXT NOT NULL CHECK (length(digest) = 64)
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX migrated_by_digest ON migrated (digest);
+)",
+    R"(
+CREATE TABLE package_files (
+  package TEXT NOT NULL CHECK (length(package) = 64),
+  sha256 TEXT NOT NULL CHECK (length(sha256) = 64),
+  bytes INTEGER NOT NULL CHECK (bytes >= 0),
+  PRIMARY KEY (package, sha256)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX package_files_by_sha256 ON package_files (sha256, package);
+CREATE TABLE activations (
+  map TEXT NOT NULL REFERENCES maps (name),
+  revision INTEGER NOT NULL,
+  version TEXT NOT NULL,
+  time_ns INTEGER NOT NULL,
+  PRIMARY KEY (map, revision)
+) STRICT, WITHOUT ROWID;
+INSERT INTO activations SELECT maps.name, maps.revision, active, versions.created_ns
+  FROM maps JOIN versions ON versions.map = maps.name AND versions.name = active;
+CREATE TABLE signatures (
+  map TEXT NOT NULL,
+  package TEXT NOT NULL CHECK (length(package) = 64),
+  key TEXT NOT NULL CHECK (length(key) = 64),
+  signature TEXT NOT NULL CHECK (length(signature) = 128),
+  PRIMARY KEY (map, package, key)
+) STRICT, WITHOUT ROWID;
 )",
 };
 

@@ -48,6 +48,7 @@ void fill_store(const fs::path& folder, const fs::path& package, const std::stri
   fs::create_directory_symlink(package, folder / kPackagesName / version.digest);
   StoreState state(folder / kStateName);
   state.add_version(map, version);
+  state.signatures().add(map, version.digest, signatures_beside(package));
   state.activate(map, version.name);
 }
 

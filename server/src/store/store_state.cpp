@@ -1,5 +1,6 @@
 #include "store/store_state.hpp"
 
+#include "store/ids_and_times.hpp"
 #include "store/map_name.hpp"
 
 #include <set>
@@ -23,7 +24,8 @@ void check_revision(const StoredMap& map, std::optional<std::int64_t> revision) 
                                                  std::to_string(*revision));
 }
 
-StoredMap point_to(SqliteDatabase& database, StoredMap map, const std::string& version) {
+StoredMap point_to(SqliteDatabase& database, StoredMap map, const std::string& version,
+                   std::optional<std::int64_t> now_ns) {
   map.previous = std::exchange(map.active, version);
   ++map.revision;
   SqliteStatement(database, "UPDATE maps SET active = ?, previous = ?, revision = ? WHERE name = ?")
@@ -31,6 +33,12 @@ StoredMap point_to(SqliteDatabase& database, StoredMap map, const std::string& v
       .bind(map.previous)
       .bind(map.revision)
       .bind(map.name)
+      .step();
+  SqliteStatement(database, "INSERT INTO activations VALUES (?, ?, ?, ?)")
+      .bind(map.name)
+      .bind(map.revision)
+      .bind(version)
+      .bind(now_ns ? *now_ns : unix_ns())
       .step();
   return map;
 }
@@ -92,7 +100,7 @@ bool refuse_version(SqliteDatabase& database, std::string_view map, const Stored
                                                  in_quotes(map) + " is " + known->digest);
   }
   refuse_retired(database, map, version);
-  refuse_over_quota(database, quota, {map, version.bytes, version.digest});
+  refuse_over_quota(database, quota, {.map = map, .version = &version});
   return false;
 }
 
@@ -121,6 +129,7 @@ struct StoreState::Inner {
   JobTable jobs{database};
   DriveTable drives{database};
   EditsTable edits{database};
+  SignatureTable signatures{database};
   AuditLog audit{database};
 };
 
@@ -136,11 +145,13 @@ KeyTable& StoreState::keys() { return inner_->keys; }
 JobTable& StoreState::jobs() { return inner_->jobs; }
 DriveTable& StoreState::drives() { return inner_->drives; }
 EditsTable& StoreState::edits() { return inner_->edits; }
+SignatureTable& StoreState::signatures() { return inner_->signatures; }
 AuditLog& StoreState::audit() { return inner_->audit; }
 const KeyTable& StoreState::keys() const { return inner_->keys; }
 const JobTable& StoreState::jobs() const { return inner_->jobs; }
 const DriveTable& StoreState::drives() const { return inner_->drives; }
 const EditsTable& StoreState::edits() const { return inner_->edits; }
+const SignatureTable& StoreState::signatures() const { return inner_->signatures; }
 const AuditLog& StoreState::audit() const { return inner_->audit; }
 
 const std::string& StoreState::read_only_because() const {
@@ -212,7 +223,8 @@ std::uint64_t StoreState::bytes() const {
 void StoreState::check_quota(const StoreQuota& quota, std::string_view map,
                              std::uint64_t more_bytes, const WaitingBytes& waiting) const {
   const Reading reading(inner_->database);
-  refuse_over_quota(reading.database(), quota, {map, more_bytes, {}, waiting});
+  refuse_over_quota(reading.database(), quota,
+                    {.map = map, .bytes = more_bytes, .waiting = waiting});
 }
 
 void StoreState::check_version(std::string_view map, const StoredVersion& version,
@@ -246,6 +258,7 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
           "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
           "INSERT OR REPLACE INTO retired_maps SELECT name, revision FROM maps WHERE name = ?",
           "DELETE FROM versions WHERE map = ?", "DELETE FROM saved_edits WHERE map = ?",
+          "DELETE FROM activations WHERE map = ?", "DELETE FROM signatures WHERE map = ?",
           "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",
           "DELETE FROM drives WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
       SqliteStatement(database, sql).bind(name).step();
@@ -272,24 +285,27 @@ bool StoreState::add_version(std::string_view map, const StoredVersion& version,
       .bind(version.created_ns)
       .step();
   SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(version.digest).step();
+  add_files(database, version);
   writing.commit();
   return true;
 }
 
 StoredMap StoreState::activate(std::string_view map, std::string_view version,
-                               std::optional<std::int64_t> revision) {
+                               std::optional<std::int64_t> revision,
+                               std::optional<std::int64_t> now_ns) {
   Writing writing(inner_->database);
   SqliteDatabase& database = writing.database();
   StoredMap now = known_map(database, map);
   check_revision(now, revision);
   (void)known_version(database, map, version);
   if (now.active == version) return now;
-  StoredMap then = point_to(database, now, std::string(version));
+  StoredMap then = point_to(database, now, std::string(version), now_ns);
   writing.commit();
   return then;
 }
 
-StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t> revision) {
+StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t> revision,
+                                std::optional<std::int64_t> now_ns) {
   Writing writing(inner_->database);
   SqliteDatabase& database = writing.database();
   const StoredMap now = known_map(database, map);
@@ -297,9 +313,22 @@ StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t
   if (!now.previous)
     throw StoreRefusal(Reason::kNoPrevious,
                        "map " + in_quotes(map) + " has no version before this");
-  StoredMap then = point_to(database, now, *now.previous);
+  StoredMap then = point_to(database, now, *now.previous, now_ns);
   writing.commit();
   return then;
+}
+
+std::string StoreState::active_at(std::string_view map, std::int64_t time_ns) const {
+  const Reading reading(inner_->database);
+  (void)known_map(reading.database(), map);
+  SqliteStatement row(reading.database(),
+                      "SELECT version FROM activations WHERE map = ? AND time_ns <= ?"
+                      " ORDER BY revision DESC LIMIT 1");
+  if (!row.bind(map).bind(time_ns).step())
+    throw StoreRefusal(Reason::kUnknownVersion, "map " + in_quotes(map) +
+                                                    " had no active version at that time: ask for "
+                                                    "a later one");
+  return row.text(0);
 }
 
 void StoreState::remove_version(std::string_view map, std::string_view version) {
@@ -324,13 +353,13 @@ void StoreState::remove_version(std::string_view map, std::string_view version) 
   });
 }
 
-void StoreState::replace_package(std::string_view former, std::string_view digest,
-                                 std::uint64_t bytes) {
+void StoreState::replace_package(std::string_view former, const StoredVersion& converted) {
+  const std::string& digest = converted.digest;
   Writing writing(inner_->database);
   SqliteDatabase& database = writing.database();
   SqliteStatement(database, "UPDATE versions SET digest = ?, bytes = ? WHERE digest = ?")
       .bind(digest)
-      .bind(static_cast<std::int64_t>(bytes))
+      .bind(static_cast<std::int64_t>(converted.bytes))
       .bind(former)
       .step();
   // What it went by before that.
@@ -343,7 +372,27 @@ void StoreState::replace_package(std::string_view former, std::string_view diges
       .bind(digest)
       .step();
   SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
+  add_files(database, converted);
   condemn_unused(database, former);
+  writing.commit();
+}
+
+std::vector<std::string> StoreState::packages_without_files() const {
+  const Reading reading(inner_->database);
+  SqliteStatement row(reading.database(),
+                      "SELECT DISTINCT digest FROM versions"
+                      " WHERE digest NOT IN (SELECT package FROM package_files)");
+  std::vector<std::string> digests;
+  while (row.step()) digests.push_back(row.text(0));
+  return digests;
+}
+
+void StoreState::note_files(std::string_view digest, const FileBytes& files) {
+  Writing writing(inner_->database);
+  StoredVersion version;
+  version.digest = digest;
+  version.files = files;
+  if (is_used(writing.database(), digest)) add_files(writing.database(), version);
   writing.commit();
 }
 

@@ -6,12 +6,14 @@
 #include "store/edits_table.hpp"
 #include "store/job_table.hpp"
 #include "store/key_table.hpp"
+#include "store/signature_table.hpp"
 #include "store/store_quota.hpp"
 #include "store/store_refusal.hpp"
 
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,6 +21,9 @@
 #include <vector>
 
 namespace stillmap::server {
+
+/// Bytes of files by their SHA-256, hex.
+using FileBytes = std::map<std::string, std::uint64_t>;
 
 /// A published version of a map.
 struct StoredVersion {
@@ -31,6 +36,11 @@ struct StoredVersion {
   std::int64_t created_ns = 0;
   /// By which its package went before it was migrated to a newer schema; sorted.
   std::vector<std::string> former_digests{};
+  /// Of its package, manifest included, as it comes into a store; without any, what it shares with
+  /// others is not known. Empty in what a store tells.
+  FileBytes files{};
+  /// That come with it; empty in what a store tells.
+  std::vector<MapSignature> signatures{};
   auto operator<=>(const StoredVersion&) const = default;
 };
 
@@ -102,7 +112,8 @@ class StoreState {
   /// @throws StoreRefusal kUnknownMap; kActive; kInUse while it has a drive, an upload under way or
   /// an unfinished job.
   void remove_map(std::string_view name, WhenActive when_active = WhenActive::kRefuse);
-  /// Bytes of packages and drives, each package once. @throws StoreRefusal kUnknownMap.
+  /// Bytes of packages and drives; a file that several versions of a map share counts once.
+  /// @throws StoreRefusal kUnknownMap.
   [[nodiscard]] std::uint64_t bytes_of_map(std::string_view map) const;
   [[nodiscard]] std::uint64_t bytes() const;
   /// Whether so many bytes more may come. A map that is not there yet has none.
@@ -121,13 +132,19 @@ class StoreState {
   bool add_version(std::string_view map, const StoredVersion& version, const StoreQuota& quota = {},
                    std::optional<std::int64_t> job = {});
   /// What is active already stays so, with its revision.
-  /// @param revision  only when the map is still at it. @return the map afterwards.
+  /// @param revision  only when the map is still at it. @param now_ns  the clock's unless it is
+  /// said. @return the map afterwards.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kOtherRevision.
   StoredMap activate(std::string_view map, std::string_view version,
-                     std::optional<std::int64_t> revision = {});
+                     std::optional<std::int64_t> revision = {},
+                     std::optional<std::int64_t> now_ns = {});
   /// Swaps the active version with the one before. @throws StoreRefusal kUnknownMap, kNoPrevious,
   /// kOtherRevision.
-  StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {});
+  StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {},
+                      std::optional<std::int64_t> now_ns = {});
+  /// The version that was active at a time. It may have been removed since.
+  /// @throws StoreRefusal kUnknownMap, kUnknownVersion when none was.
+  [[nodiscard]] std::string active_at(std::string_view map, std::int64_t time_ns) const;
   /// A package that no version holds any more is noted as `condemned`.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kActive.
   void remove_version(std::string_view map, std::string_view version);
@@ -144,7 +161,11 @@ class StoreState {
 
   /// Gives all versions of a package the one that it was migrated to, and keeps the former digest
   /// as a name of it. The former package is noted as `condemned`.
-  void replace_package(std::string_view former, std::string_view digest, std::uint64_t bytes);
+  void replace_package(std::string_view former, const StoredVersion& converted);
+
+  /// Packages of which it is not known which files they have: those of a store of an older schema.
+  [[nodiscard]] std::vector<std::string> packages_without_files() const;
+  void note_files(std::string_view digest, const FileBytes& files);
 
   /// Packages whose last version was removed, and which may lie on the disk still.
   [[nodiscard]] std::vector<std::string> condemned() const;
@@ -154,11 +175,13 @@ class StoreState {
   [[nodiscard]] JobTable& jobs();
   [[nodiscard]] DriveTable& drives();
   [[nodiscard]] EditsTable& edits();
+  [[nodiscard]] SignatureTable& signatures();
   [[nodiscard]] AuditLog& audit();
   [[nodiscard]] const KeyTable& keys() const;
   [[nodiscard]] const JobTable& jobs() const;
   [[nodiscard]] const DriveTable& drives() const;
   [[nodiscard]] const EditsTable& edits() const;
+  [[nodiscard]] const SignatureTable& signatures() const;
   [[nodiscard]] const AuditLog& audit() const;
 
   /// Writes it, as of one instant, into one new file, synced. Without drives, whose bytes are

@@ -26,6 +26,9 @@ using ::testing::IsEmpty;
 class FakeSource final : public MirrorSource {
  public:
   Active active(const std::string&) override { return {version, digest}; }
+  std::vector<MapSignature> signatures(const std::string&, const std::string&) override {
+    return signed_by;
+  }
   void read(const File& file, std::uint64_t offset, const Take& take) override {
     PackageArchive archive(package);
     const auto place = archive.place_of(file.sha256);
@@ -47,6 +50,7 @@ class FakeSource final : public MirrorSource {
   std::uint64_t given = 0;
   std::optional<std::uint64_t> cut_after;
   bool spoils = false;
+  std::vector<MapSignature> signed_by;
 };
 
 class MirrorTest : public ::testing::Test {
@@ -132,6 +136,55 @@ TEST_F(MirrorTest, KeepsNoByteThatWasChangedOnItsWay) {
   source_.spoils = false;
   EXPECT_TRUE(mirror()->is_new);
   EXPECT_EQ(active(), "v1");
+}
+
+TEST_F(MirrorTest, FetchesOnlyThePartThatIsAskedFor) {
+  const auto whole = maps::MapPackage::open(source_.package);
+  ASSERT_GT(whole->regions().size(), 1U);
+  const maps::RegionId kept = whole->regions().front();
+  const Eigen::Vector2d place = whole->manifest().origin.head<2>() +
+                                maps::kRegionSizeM * Eigen::Vector2d(kept.x + 0.5, kept.y + 0.5);
+  MirrorOptions options{.map = "town"};
+  options.around = {place, 10.0};
+  const auto first = mirror(options);
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->regions, 1U);
+  EXPECT_EQ(first->digest, digests_[0]) << "of the whole";
+  EXPECT_EQ(active().substr(0, 8), "v1.part-");
+  {
+    PackageStore store(store_folder_, calls_);
+    const auto part = store.open("town", active());
+    EXPECT_EQ(part->regions(), std::vector{kept});
+    EXPECT_EQ(part->tile(test::kSharedTile).size(), whole->tile(test::kSharedTile).size());
+  }
+  EXPECT_FALSE(mirror(options)->is_new);
+  serve(2);
+  EXPECT_TRUE(mirror(options)->is_new);
+  EXPECT_EQ(active().substr(0, 8), "v2.part-");
+  options.around->place_map_m.x() -= 1e6;
+  EXPECT_THAT([&] { (void)mirror(options); },
+              ThrowsSaying<maps::InputError>({"nothing within 10 m", "map frame"}));
+}
+
+TEST_F(MirrorTest, RefusesWhatNoTrustedKeyHasSignedBeforeItIsFetched) {
+  const SigningKey key = SigningKey::make(), other = SigningKey::make();
+  MirrorOptions options{.map = "town"};
+  options.trusted = PublicKeys{key.public_key()};
+  const auto refused = ThrowsSaying<maps::InputError>({"none by a trusted key", "keys sign"});
+  EXPECT_THAT([&] { (void)mirror(options); }, refused);
+  source_.signed_by = {sign_map(other, "town", source_.digest)};
+  EXPECT_THAT([&] { (void)mirror(options); }, refused);
+  source_.signed_by = {sign_map(key, "depot", source_.digest)};
+  EXPECT_THAT([&] { (void)mirror(options); }, refused) << "another map's";
+  source_.signed_by = {sign_map(key, "town", digests_[1])};
+  EXPECT_THAT([&] { (void)mirror(options); }, refused) << "another package's";
+  EXPECT_EQ(source_.given, 0U);
+  EXPECT_EQ(active(), "");
+  source_.signed_by = {sign_map(key, "town", source_.digest)};
+  EXPECT_TRUE(mirror(options)->is_new);
+  PackageStore store(store_folder_, calls_);
+  EXPECT_EQ(store.signatures().of("town", source_.digest), source_.signed_by)
+      << "so that others may take it from here";
 }
 
 TEST_F(MirrorTest, FetchesAllWhereTheVersionBeforeIsDamagedHere) {

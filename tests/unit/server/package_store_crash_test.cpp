@@ -58,6 +58,9 @@ class StoreScenarioTest : public ::testing::Test {
     fs::create_directory(sources_);
     for (int seed = 1; seed <= 5; ++seed) write_package(sources_ / std::to_string(seed), seed);
     tar_ = tar_of(sources_ / "4", "") + test::tar_file("unlisted/a", "x") + test::tar_end();
+    test::write_patched_packages(sources_ / "patched");
+    // What is missing beside the version before: the rest comes from there.
+    patch_tar_ = patch_tar(sources_ / "patched" / "1", sources_ / "patched" / "2");
     tar_in_folder_ = tar_of(sources_ / "5", "town/") + test::tar_end();
   }
 
@@ -136,8 +139,34 @@ class StoreScenarioTest : public ::testing::Test {
         [](Store& store) { store->edits().save("town", "some", "k", 2); },
         [](Store& store) { store->edits().save("town", "others", "k", 3); },
         [](Store& store) { store->audit().append({.subject = "town"}); },
+        // Patches, which share files; the second is repacked, and comes without what is there.
+        add("patched", "0", "patched/0"),
+        [](Store& store) { store->activate("patched", "0"); },
+        add("patched", "1", "patched/1"),
+        [](Store& store) { store->activate("patched", "1"); },
+        [this](Store& store) {
+          store->add_archive("patched", "2", {test::source_of(patch_tar_), "patch"});
+        },
+        [this](Store& store) {
+          const std::string digest = store->state().version("patched", "2").digest;
+          store->signatures().add("patched", digest, {sign_map(key_, "patched", digest)});
+        },
+        [](Store& store) { store->activate("patched", "2"); },
+        [](Store& store) { store->drop_derived(INT64_MAX); },
+        [](Store& store) { store->keep_newest("patched", 0); },
+        [](Store& store) { store->roll_back("patched"); },
+        [](Store& store) { store->remove("patched", "2"); },
+        open,
         [](Store& store) { store.reset(); },
     };
+  }
+
+  /// As `GET .../content?from=` gives it.
+  static std::string patch_tar(const fs::path& before, const fs::path& now) {
+    PackageArchive archive(now, before);
+    std::string tar(archive.size(), '\0');
+    archive.read(0, tar);
+    return tar;
   }
 
   /// Contents before the first step and after each, of a store that nothing happens to.
@@ -169,7 +198,8 @@ class StoreScenarioTest : public ::testing::Test {
       test::tar_file("run.mcap", test::bag_of_two_clouds()) + test::tar_end();
   TemporaryFolder folder_{memory_folder()};
   fs::path sources_ = folder_.path() / "sources";
-  std::string tar_, tar_in_folder_;
+  std::string tar_, tar_in_folder_, patch_tar_;
+  SigningKey key_ = SigningKey::make();
 };
 
 /// The recorded run of a store.

@@ -51,6 +51,55 @@ class StoreStateTest : public ::testing::Test {
   std::filesystem::path file_ = folder_.path() / "state.db";
 };
 
+TEST_F(StoreStateTest, CountsFilesThatVersionsShareOnce) {
+  StoreState state(file_, unsynced_);
+  const std::string shared(64, 'a'), own_1(64, 'b'), own_2(64, 'c');
+  StoredVersion one = version("1", '1'), two = version("2", '2');
+  one.bytes = two.bytes = 110;
+  one.files = {{shared, 100}, {own_1, 10}};
+  two.files = {{shared, 100}, {own_2, 10}};
+  EXPECT_TRUE(state.add_version("town", one));
+  EXPECT_EQ(state.bytes(), 110U);
+  expect_refused(Reason::kOverQuota,
+                 [&] { state.add_version("town", two, {.map_bytes = 119, .store_bytes = {}}); });
+  EXPECT_TRUE(state.add_version("town", two, {.map_bytes = 120, .store_bytes = 120}));
+  EXPECT_EQ(state.bytes_of_map("town"), 120U);
+  // Maps share packages alone: the second one has a copy of the file.
+  StoredVersion other = version("1", '3');
+  other.bytes = 105;
+  other.files = {{shared, 100}, {std::string(64, 'd'), 5}};
+  expect_refused(Reason::kOverQuota,
+                 [&] { state.add_version("depot", other, {.map_bytes = {}, .store_bytes = 224}); });
+  EXPECT_TRUE(state.add_version("depot", other, {.map_bytes = {}, .store_bytes = 225}));
+  one.name = "2";
+  EXPECT_TRUE(state.add_version("depot", one, {.map_bytes = {}, .store_bytes = 225}));
+  EXPECT_EQ(state.bytes(), 225U);
+  state.remove_version("town", "1");
+  EXPECT_EQ(state.bytes_of_map("town"), 110U);
+  EXPECT_EQ(state.bytes(), 110U + 115U);
+}
+
+TEST_F(StoreStateTest, TellsWhichVersionWasActiveAtATime) {
+  StoreState state(file_, unsynced_);
+  for (const char name : {'1', '2', '3'}) state.add_version("town", version({name}, name));
+  state.activate("town", "1", {}, 100);
+  state.activate("town", "2", {}, 200);
+  state.roll_back("town", {}, 300);
+  // A clock that was set back: later is what came later.
+  state.activate("town", "3", {}, 250);
+  expect_refused(Reason::kUnknownVersion, [&] { (void)state.active_at("town", 99); });
+  EXPECT_EQ(state.active_at("town", 100), "1");
+  EXPECT_EQ(state.active_at("town", 199), "1");
+  EXPECT_EQ(state.active_at("town", 200), "2");
+  EXPECT_EQ(state.active_at("town", 260), "3");
+  state.remove_version("town", "2");
+  EXPECT_EQ(state.active_at("town", 200), "2") << "though it is gone";
+  expect_refused(Reason::kUnknownMap, [&] { (void)state.active_at("depot", 100); });
+  state.remove_map("town", WhenActive::kRemove);
+  state.add_version("town", version("1", '1'));
+  expect_refused(Reason::kUnknownVersion, [&] { (void)state.active_at("town", 260); });
+}
+
 TEST_F(StoreStateTest, KeepsEverythingAcrossOpening) {
   {
     StoreState state(file_, unsynced_);
@@ -138,9 +187,9 @@ TEST_F(StoreStateTest, CondemnsAPackageWithItsLastVersion) {
 
 TEST_F(StoreStateTest, RefusesANewerSchemaAndForeignDatabases) {
   { const StoreState state(file_, unsynced_); }
-  run_sql(file_, "PRAGMA user_version=9");
+  run_sql(file_, "PRAGMA user_version=99");
   EXPECT_THAT([&] { StoreState state(file_, unsynced_); },
-              ThrowsSaying<maps::InputError>({"state.db", "schema version 9", "newer stillmap"}));
+              ThrowsSaying<maps::InputError>({"state.db", "schema version 99", "newer stillmap"}));
   const std::filesystem::path other = folder_.path() / "other.db";
   run_sql(other, "CREATE TABLE maps (name TEXT)");
   EXPECT_THAT([&] { StoreState state(other, unsynced_); },

@@ -1,5 +1,6 @@
 #include "store/store_upkeep.hpp"
 #include "store/package_store.hpp"
+#include "store/schema.hpp"
 
 #include <stillmap/maps/derived_file.hpp>
 #include <stillmap/maps/error.hpp>
@@ -173,6 +174,34 @@ TEST_F(StoreUpkeepTest, RefusesWhatIsOverTheQuotaBeforeCopying) {
   expect_refused(Reason::kOverQuota, [&] { store.check_quota("depot", UINT64_MAX); });
 }
 
+TEST_F(StoreUpkeepTest, DropsWhatWasMadeOfVersionsThatNobodyUses) {
+  PackageStore store(store_, calls_);
+  std::map<std::string, fs::path> index;
+  for (const std::string name : {"1", "2", "3"}) {
+    const std::string digest =
+        store.add("town", name, source(name == "1" ? "first" : "second")).version.digest;
+    index[name] = store_ / "packages" / digest / "index";
+  }
+  EXPECT_EQ(index["2"], index["3"]);
+  for (const char* name : {"1", "2"}) {
+    fs::create_directory(index[name]);
+    std::ofstream(index[name] / "a.idx") << "bytes";
+  }
+  store.activate("town", "1");
+  store.drop_derived(0);
+  EXPECT_TRUE(fs::exists(index["2"])) << "it was read lately";
+  store.activate("town", "3");
+  store.drop_derived(INT64_MAX);
+  EXPECT_TRUE(fs::exists(index["1"])) << "the one to roll back to";
+  EXPECT_TRUE(fs::exists(index["2"])) << "of a version that is active by another name";
+  store.activate("town", "2");
+  store.activate("town", "3");
+  store.drop_derived(INT64_MAX);
+  EXPECT_FALSE(fs::exists(index["1"]));
+  EXPECT_TRUE(fs::exists(index["2"]));
+  EXPECT_THAT(verify_store(store), IsEmpty());
+}
+
 TEST_F(StoreUpkeepTest, TwoThatFitOneByOneDoNotFitTogether) {
   PackageStore store(store_, calls_);
   const std::uint64_t bytes = store.add("town", "1", source("first")).version.bytes;
@@ -186,9 +215,10 @@ TEST_F(StoreUpkeepTest, TwoThatFitOneByOneDoNotFitTogether) {
 
 /// A store as version 1 of the schema left it.
 TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
+  std::uint64_t bytes = 0;
   {
     PackageStore store(store_, calls_);
-    store.add("town", "1", source("first"));
+    bytes = store.add("town", "1", source("first")).version.bytes;
     store.activate("town", "1");
   }
   const fs::path file = store_ / "state.db";
@@ -196,9 +226,13 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
       file,
       "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE audit_start; DROP TABLE job_drives;"
       "DROP TABLE drive_parts; DROP TABLE drives; DROP TABLE jobs; DROP TABLE keys;"
-      "DROP TABLE retired; DROP TABLE retired_maps; DROP TABLE migrated; PRAGMA user_version=1");
+      "DROP TABLE retired; DROP TABLE retired_maps; DROP TABLE migrated; DROP TABLE package_files;"
+      "DROP TABLE activations; DROP TABLE signatures; PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
+  EXPECT_EQ(store.state().active_at("town", INT64_MAX), "1");
+  EXPECT_THAT(store.state().packages_without_files(), IsEmpty());
+  EXPECT_EQ(store.state().bytes(), bytes);
   EXPECT_THAT(store.keys().list(), IsEmpty());
   EXPECT_EQ(store.jobs().enqueue({.map = "town"}, 1).job.status, JobStatus::kEnqueued);
   EXPECT_THAT(verify_store(store), IsEmpty());
@@ -221,7 +255,9 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
           " BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;"
           "DROP TABLE audit_start; ALTER TABLE audit DROP COLUMN sha256;"
           "ALTER TABLE audit DROP COLUMN source; ALTER TABLE keys DROP COLUMN maps;"
-          "ALTER TABLE audit DROP COLUMN server_request_id; DROP TABLE migrated; PRAGMA "
+          "ALTER TABLE audit DROP COLUMN server_request_id; DROP TABLE migrated; DROP TABLE "
+          "package_files;"
+          "DROP TABLE activations; DROP TABLE signatures; PRAGMA "
           "user_version=3");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);
@@ -236,9 +272,9 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
 
 TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
-  run_sql(store_ / "state.db", "PRAGMA user_version=9");
+  run_sql(store_ / "state.db", "PRAGMA user_version=99");
   EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<maps::InputError>({"schema version 9", "at most 7", "newer stillmap"}));
+              ThrowsSaying<maps::InputError>({"schema version 99", "at most " + std::to_string(schema_version()), "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {

@@ -53,6 +53,8 @@ class Server {
   /// @return what puts them in force for connections to come, and cannot fail.
   /// @throws maps::InputError when they cannot be used.
   [[nodiscard]] std::function<void()> prepare_certificate();
+  /// The same with the keys of `ServerOptions::trusted_keys_file`.
+  [[nodiscard]] std::function<void()> prepare_trust(const ServerOptions& next);
 
  private:
   struct Parts;

@@ -212,6 +212,9 @@ struct ServerOptions {
   /// a version of the map is loaded. Empty = all have the defaults.
   std::string localization_options_dir = {};
 
+  /// Public keys (PEM) of those who may sign versions; empty = nothing needs to be signed.
+  std::string trusted_keys_file = {};
+
   ManagementOptions management = {};
   TlsOptions tls = {};
   SessionOptions sessions = {};

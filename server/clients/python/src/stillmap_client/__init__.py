@@ -6,12 +6,13 @@
 
 from .client import Client
 from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem, StillmapError
+from .mirror import Mirrored
 from .scan import Pcd, Scan
 from .session import Session, SessionStream
 from .types import (Event, GeoPose, Gnss, MapInfo, MapReference, MovableBox, Odometry, Offset, Pose, PoseAnswer,
                     PoseWarning, Prior, Protection, Query, SessionInfo, Version)
 
 __all__ = ["Client", "ConnectionLost", "DownloadChanged", "Event", "GeoPose", "Gnss", "MapInfo", "MapReference",
-           "MovableBox", "NeedsChoice", "Odometry", "Offset", "Pcd", "Pose", "PoseAnswer", "PoseWarning", "Prior",
+           "Mirrored", "MovableBox", "NeedsChoice", "Odometry", "Offset", "Pcd", "Pose", "PoseAnswer", "PoseWarning", "Prior",
            "Problem", "Protection", "Query", "Scan", "Session", "SessionInfo", "SessionStream", "StillmapError",
            "Version"]

@@ -16,6 +16,7 @@ from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Seque
 from . import events
 from .archive import Archive
 from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem
+from .mirror import Mirrored, mirrored
 from .scan import Scan, multipart, scan_part, scan_request
 from .session import Session
 from .thinning import OWN_VEHICLE_M, Thinning, refuses_thin
@@ -249,17 +250,31 @@ class Client:
         """Writes the package's tar to `path` and goes on where an earlier try ended. @param from_digest  of another
         version of the map, whose files are left out. @return its bytes."""
         query = {"from": from_digest} if from_digest else None
-        target = pathlib.Path(path)
+        return self._download(_place(map, version) + "/content", query, pathlib.Path(path))
+
+    def mirror(self, map: str, folder: Path) -> Mirrored:
+        """Keeps a copy of the version that the server serves as FOLDER/current, a map package that other programs may
+        read meanwhile. Fetches only files that the copy before does not have; each is compared with its SHA-256. Call
+        it again after an interruption, or to follow the server. @raises DownloadChanged for bytes that are not what
+        the version's digest says; ValueError for a package with paths outside itself."""
+        info = self.map(map)
+        if info.version is None:
+            raise ValueError(f"map {map!r}: no version is active; activate one")
+        place = _place(map, info.version)
+        return mirrored(info.version, str(info.raw["digest"]), pathlib.Path(folder),
+                        lambda sha256, target: self._download(f"{place}/files/{sha256}", None, target))
+
+    def _download(self, url: str, query: Optional[Dict[str, str]], target: pathlib.Path) -> int:
         part, tag = target.with_name(target.name + ".part"), target.with_name(target.name + ".etag")
         tries = 0
         while True:
             try:
-                size = self._fetch(f"/v1/maps/{map}/versions/{version}/content", query, part, tag)
+                size = self._fetch(url, query, part, tag)
                 break
             except (OSError, HTTPException, ConnectionLost) as error:
                 tries += 1
                 if tries > self._transport.retries:
-                    raise ConnectionLost(f"{map} {version}: {error}") from error
+                    raise ConnectionLost(f"{url}: {error}") from error
                 time.sleep(wait_s(tries, None))
         part.replace(target)
         tag.unlink()

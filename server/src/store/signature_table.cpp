@@ -1,0 +1,52 @@
+#include "store/signature_table.hpp"
+
+#include <stdexcept>
+#include <string>
+
+#include "store/sqlite_database.hpp"
+#include "store/store_database.hpp"
+
+namespace stillmap::server {
+namespace {
+
+std::vector<MapSignature> signatures_of(SqliteDatabase& database, std::string_view map,
+                                        std::string_view digest) {
+  SqliteStatement row(
+      database, "SELECT key, signature FROM signatures WHERE map = ? AND package = ? ORDER BY key");
+  row.bind(map).bind(digest);
+  std::vector<MapSignature> signatures;
+  while (row.step()) signatures.push_back({row.text(0), row.text(1)});
+  return signatures;
+}
+
+}  // namespace
+
+std::vector<MapSignature> SignatureTable::of(std::string_view map, std::string_view digest) const {
+  const StoreDatabase::Reading reading(*database_);
+  return signatures_of(reading.database(), map, digest);
+}
+
+void SignatureTable::add(std::string_view map, std::string_view digest,
+                         const std::vector<MapSignature>& signatures) {
+  if (signatures.empty()) return;
+  for (const MapSignature& each : signatures)
+    if (!is_signature_of(each, map, digest))
+      throw std::invalid_argument("signature by " + each.key + ": not of map '" + std::string(map) +
+                                  "' and package " + std::string(digest) +
+                                  "; sign this package for this map");
+  StoreDatabase::Writing writing(*database_);
+  SqliteDatabase& database = writing.database();
+  for (const MapSignature& each : signatures)
+    SqliteStatement(database, "INSERT OR REPLACE INTO signatures VALUES (?, ?, ?, ?)")
+        .bind(map)
+        .bind(digest)
+        .bind(each.key)
+        .bind(each.signature)
+        .step();
+  if (signatures_of(database, map, digest).size() > kMostSignatures)
+    throw std::invalid_argument("signatures: more than " + std::to_string(kMostSignatures) +
+                                "; a version has no room for another key");
+  writing.commit();
+}
+
+}  // namespace stillmap::server
