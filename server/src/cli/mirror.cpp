@@ -22,6 +22,7 @@ constexpr const char* kKeyVariable = "STILLMAP_KEY";
 
 struct MirrorCommand {
   std::string url;
+  std::string vehicle;
   std::filesystem::path store;
   server::MirrorOptions options;
   std::optional<double> megabytes_a_second, most_megabytes;
@@ -68,7 +69,7 @@ void mirror(MirrorCommand& asked) {
   asked.options.bytes_a_second = bytes_of(asked.megabytes_a_second);
   asked.options.most_bytes = bytes_of(asked.most_megabytes);
   const char* const key = std::getenv(kKeyVariable);
-  const auto source = server::http_source(asked.url, key == nullptr ? "" : key);
+  const auto source = server::http_source(asked.url, key == nullptr ? "" : key, asked.vehicle);
   server::PackageStore::make_folder(asked.store);
   server::PackageStore store(asked.store);
   command_line::cancel_on_signals();
@@ -100,6 +101,9 @@ void add_mirror(CLI::App& app) {
       ->required()
       ->type_name("FOLDER")
       ->check(command_line::folder_or_new());
+  command->add_option("--vehicle", asked->vehicle,
+                      "Label of the vehicle, which a roll-out may give another version (default: "
+                      "the active version)");
   command
       ->add_option("--rate", asked->megabytes_a_second,
                    "Most megabytes a second, in the mean (default: no limit)")

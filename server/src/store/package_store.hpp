@@ -57,6 +57,7 @@ class PackageStore {
   [[nodiscard]] JobTable& jobs() { return state_->jobs(); }
   [[nodiscard]] DriveTable& drives() { return state_->drives(); }
   [[nodiscard]] EditsTable& edits() { return state_->edits(); }
+  [[nodiscard]] RolloutTable& rollouts() { return state_->rollouts(); }
   [[nodiscard]] AuditLog& audit() { return state_->audit(); }
   /// Why what is not needed any more still lies there; empty when it was cleared at opening.
   [[nodiscard]] const std::string& not_cleared_because() const { return not_cleared_because_; }

@@ -15,7 +15,7 @@ constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`.
-constexpr std::array<const char*, 7> kSteps = {
+constexpr std::array<const char*, 8> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -160,6 +160,20 @@ CREATE TABLE migrated (
   digest TEXT NOT NULL CHECK (length(digest) = 64)
 ) STRICT, WITHOUT ROWID;
 CREATE INDEX migrated_by_digest ON migrated (digest);
+)",
+    R"(
+CREATE TABLE rollouts (
+  map TEXT PRIMARY KEY NOT NULL REFERENCES maps (name),
+  version TEXT NOT NULL,
+  share REAL NOT NULL CHECK (share BETWEEN 0 AND 1),
+  vehicles TEXT NOT NULL,
+  least_answers INTEGER NOT NULL,
+  most_rise REAL NOT NULL,
+  halted INTEGER NOT NULL CHECK (halted IN (0, 1)),
+  reason TEXT NOT NULL,
+  begun_ns INTEGER NOT NULL,
+  FOREIGN KEY (map, version) REFERENCES versions (map, name)
+) STRICT, WITHOUT ROWID;
 )",
 };
 

@@ -192,11 +192,11 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
     store.activate("town", "1");
   }
   const fs::path file = store_ / "state.db";
-  run_sql(
-      file,
-      "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE audit_start; DROP TABLE job_drives;"
-      "DROP TABLE drive_parts; DROP TABLE drives; DROP TABLE jobs; DROP TABLE keys;"
-      "DROP TABLE retired; DROP TABLE retired_maps; DROP TABLE migrated; PRAGMA user_version=1");
+  run_sql(file,
+          "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE audit_start; DROP TABLE job_drives;"
+          "DROP TABLE drive_parts; DROP TABLE drives; DROP TABLE jobs; DROP TABLE keys;"
+          "DROP TABLE retired; DROP TABLE retired_maps; DROP TABLE migrated; DROP TABLE rollouts;"
+          "PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
   EXPECT_THAT(store.keys().list(), IsEmpty());
@@ -221,8 +221,8 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
           " BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;"
           "DROP TABLE audit_start; ALTER TABLE audit DROP COLUMN sha256;"
           "ALTER TABLE audit DROP COLUMN source; ALTER TABLE keys DROP COLUMN maps;"
-          "ALTER TABLE audit DROP COLUMN server_request_id; DROP TABLE migrated; PRAGMA "
-          "user_version=3");
+          "ALTER TABLE audit DROP COLUMN server_request_id; DROP TABLE migrated;"
+          "DROP TABLE rollouts; PRAGMA user_version=3");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);
   EXPECT_FALSE(store.edits().of_map("town").saved_ns);
@@ -238,7 +238,7 @@ TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
   run_sql(store_ / "state.db", "PRAGMA user_version=9");
   EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<maps::InputError>({"schema version 9", "at most 7", "newer stillmap"}));
+              ThrowsSaying<maps::InputError>({"schema version 9", "at most 8", "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {
