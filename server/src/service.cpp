@@ -179,6 +179,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_batch_routes(routes, context);
   add_session_routes(routes, context);
   add_stats_routes(routes, context);
+  add_rollout_routes(routes, context);
   add_openapi_routes(routes);
   for (const WebAsset& asset : web) {
     // In a pattern a brace would stand for any name.
@@ -204,6 +205,14 @@ void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
     failed += map.state == MapState::kFailed ? 1 : 0;
   }
   metrics.set_maps(ready, maps.size() - ready - failed, failed);
+}
+
+void set_rollout_figures(Metrics& metrics, const MapCatalog& catalog) {
+  std::vector<Metrics::RolloutFigure> figures;
+  for (const Rollout& each : catalog.rollouts())
+    figures.push_back(
+        {.map = each.map, .share = each.halted ? 0.0 : each.share, .halted = each.halted});
+  metrics.set_rollouts(figures);
 }
 
 void set_store_figures(Metrics& metrics, const PackageStore& store) {
@@ -296,10 +305,12 @@ Service::Service(const ServerOptions& options, PackageStore& store, AlignerBuild
                  .client_share = options_.client_share},
                 queue_),
       jobs_(JobSetup{live_, store, drives_, catalog_, metrics_, mapper}),
-      context_{options_, live_,    workers_,  store,
-               drives_,  uploads_, catalog_,  views_,
-               layers_,  queue_,   sessions_, jobs_,
-               metrics_, stats_,   stopping_, std::chrono::steady_clock::now()},
+      context_{options_,        live_,     workers_,
+               store,           drives_,   uploads_,
+               catalog_,        views_,    layers_,
+               queue_,          sessions_, jobs_,
+               metrics_,        stats_,    vehicles_,
+               rollout_counts_, stopping_, std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
       housekeeping_(live_, store, drives_, jobs_.folders, changes != StoreChanges::kRefused) {
   store_.set_quota(quota_of(options_.quotas, store_.folder()));
@@ -316,6 +327,7 @@ void Service::add_metrics() {
                        static_cast<std::size_t>(options_.queue));
     metrics_.set_sessions(sessions_.size());
     set_map_figures(metrics_, catalog_);
+    set_rollout_figures(metrics_, catalog_);
     set_store_figures(metrics_, context_.store);
   });
 }

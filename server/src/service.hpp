@@ -72,6 +72,8 @@ class Service final : public RequestHandler {
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;
   mutable MapStats stats_;
+  mutable VehicleTable vehicles_;
+  mutable RolloutCounts rollout_counts_;
   mutable Jobs jobs_;
   Context context_;
   Router router_;

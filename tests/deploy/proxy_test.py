@@ -42,7 +42,7 @@ SHORTER = {
 POSES = {("POST", f"/v1/maps/{{map}}/{what}") for what in (
     "localize", "localize/batch", "versions/{version}/localize", "versions/{version}/localize/batch", "tiles/diff")}
 READS = {("GET", f"/v1/maps/{{map}}/{what}") for what in (
-    "ready", "stats", "versions", "versions/{version}", "versions/{version}/content", "versions/{version}/delta",
+    "ready", "rollout", "stats", "vehicles", "versions", "versions/{version}", "versions/{version}/content", "versions/{version}/delta",
     "versions/{version}/files/{checksum}", "versions/{version}/preview",
     "versions/{version}/trajectory", "versions/{version}/graph", "versions/{version}/layers/{layer}",
     "versions/{version}/layers/{layer}/{band}", "versions/{version}/objects", "versions/{version}/tiles",

@@ -1,6 +1,8 @@
 // The list of maps and one map: made, kept fresh, activated, rolled back, deleted, gone while it is shown.
 
+import { readFileSync } from 'node:fs';
 import { main } from './harness.mjs';
+import { scanOf } from './support.mjs';
 
 const json = async (server, method, path, headers = {}) => {
   const response = await fetch(`${server.origin}${path}`, { method, headers });
@@ -112,4 +114,52 @@ async function trouble(run) {
   await server.stop();
 }
 
-await main({ list, activate, trouble });
+/** A version for some vehicles: begun, with the answers of both groups, made larger, completed. */
+async function rollout(run) {
+  const server = await run.server();
+  run.stillmap('store', 'add', server.store, 'town', 'v2', `${run.sample}/map`);
+  const page = await run.open(server, '#/maps/town');
+  await page.getByRole('button', { name: 'Roll out v2' }).click();
+  await page.fill('dialog input', '0');
+  await page.fill('dialog textarea', 'depot-*');
+  await run.accessible(page, 'the roll-out dialog');
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('h2:text-is("Roll-out of v2")');
+  run.expect(true, 'the roll-out is shown');
+  while ((await json(server, 'GET', '/v1/maps/town/rollout')).body.version_state !== 'ready') await page.waitForTimeout(50);
+  const body = readFileSync(scanOf(run, 1));
+  for (const vehicle of ['depot-1', 'truck-7']) {
+    await fetch(`${server.origin}/v1/maps/town/localize?prior_t=0,0,0&prior_q=0,0,0,1&vehicle=${vehicle}`, {
+      method: 'POST', body, headers: { 'Content-Type': 'application/octet-stream' },
+    });
+  }
+  const row = async (name) => {
+    const there = page.locator(`tr[data-vehicle=${name}]:has-text("v")`);
+    await there.waitFor();
+    return (await there.innerText()).replace(/\s+/g, ' ');
+  };
+  run.expect(/depot-1 v2 .* 1 0 0/.test(await row('depot-1')), `its vehicle has the new version: ${await row('depot-1')}`);
+  run.expect(/truck-7 v1 .* 1 0 0/.test(await row('truck-7')), `the others have the active one: ${await row('truck-7')}`);
+  await page.locator('table.rollout tr:has-text("v2") td:text-is("1")').first().waitFor();
+  await run.accessible(page, 'a map with a roll-out');
+  await page.locator('h2:text-is("Roll-out of v2")').scrollIntoViewIfNeeded();
+  await run.screenshot(page, 'rollout');
+  await page.click('text=Set the share');
+  await page.fill('dialog input', '25');
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('text=25 % of the vehicles, depot-*');
+  run.expect((await json(server, 'GET', '/v1/maps/town/rollout')).body.answers.rollout.ok === 1, 'the counts go on');
+  await page.getByRole('button', { name: 'Complete' }).click();
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('h2:text-is("Roll-out of v2")', { state: 'detached' });
+  run.expect((await json(server, 'GET', '/v1/maps/town')).body.version === 'v2', 'completed, it is active');
+  await page.getByRole('button', { name: 'Roll out v1' }).click();
+  await page.click('dialog button[type=submit]');
+  await page.locator('section:has(#rollout)').getByRole('button', { name: 'End' }).click();
+  await page.click('dialog button[type=submit]');
+  await page.waitForSelector('h2:text-is("Roll-out of v1")', { state: 'detached' });
+  run.expect(true, 'another one is ended');
+  await server.stop();
+}
+
+await main({ list, activate, rollout, trouble });

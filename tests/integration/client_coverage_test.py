@@ -284,11 +284,11 @@ class Coverage(unittest.TestCase):
         full = {"prior": Prior(pose, covariance=covariance), "gnss": gnss, "stamp_ns": 7, "method": "icp",
                 "T_base_lidar": pose, "movable": boxes}
         found = {}
-        found["localize"] = client.localize("town", xyzi, **flat)
+        found["localize"] = client.localize("town", xyzi, **flat, vehicle="truck 7")
         client.localize("town", xyzi, gnss=gnss)
         client.localize("town", xyzi, **full, deadline_ms=900)
         client.localize("town", Pcd(b"VERSION 0.7"))
-        client.localize("town", xyzi, version="v1", **flat)
+        client.localize("town", xyzi, version="v1", **flat, vehicle="truck 7")
         client.localize("town", xyzi, version="v1", gnss=gnss)
         client.localize("town", Pcd(b"VERSION 0.7"), version="v1")
         found["localizeInVersion"] = client.localize("town", xyzi, version="v1", **full, deadline_ms=900)
@@ -296,7 +296,8 @@ class Coverage(unittest.TestCase):
         poses = {"localize": client.localize_geopose("town", xyzi),
                  "localizeInVersion": client.localize_geopose("town", xyzi, version="v1", **full)}
         for name, version in (("localizeBatch", None), ("localizeBatchInVersion", "v1")):
-            found[name], = client.localize_batch("town", [Query(xyzi, **full)], version=version, deadline_ms=900)
+            found[name], = client.localize_batch("town", [Query(xyzi, **full)], version=version, deadline_ms=900,
+                                                  vehicle="truck 7")
             self.assertIsInstance(found[name], PoseAnswer)
         session = client.open_session("town", version="v1", label="truck 7", prior=full["prior"], gnss=gnss)
         step = Odometry(5, pose, covariance=covariance)

@@ -166,7 +166,7 @@ class Contract(unittest.TestCase):
                      "/v1/maps/{map}/versions/{version}/trajectory", "/v1/maps/{map}/versions/{version}/objects",
                      "/v1/maps/{map}/versions/{version}/content", "/v1/maps/{map}/versions/{version}/preview",
                      "/v1/maps/{map}/versions/{version}/graph", "/v1/maps/{map}/edits", "/v1/maps/{map}/stats",
-                     "/v1/maps/{map}/drives"):
+                     "/v1/maps/{map}/drives", "/v1/maps/{map}/rollout", "/v1/maps/{map}/vehicles"):
             self.ask("GET", path, 200, **town)
         layer = "/v1/maps/{map}/versions/{version}/layers/{layer}"
         for name in ("coverage", "localizability"):
@@ -222,11 +222,32 @@ class Contract(unittest.TestCase):
             # The sample has no place on the Earth; geopose_test.py has a map that does.
             self.ask("POST", place, 406, self.scan(1), prior, raw, accept="application/geopose+json", map="town",
                      version="v1")
+            self.ask("POST", place, 200, self.scan(1), prior + "&vehicle=truck", raw, map="town", version="v1")
+            self.ask("POST", place, 400, self.scan(1), prior + "&vehicle=", raw, map="town", version="v1")
             lost = [[float(i % 7), float(i % 11), float(i % 3)] for i in range(2000)]
             self.ask("POST", place + "/batch", 406, {"queries": []}, accept="application/geopose+json", map="town",
                      version="v1")
             self.ask("POST", place + "/batch", 200, {"queries": [{"points": lost}, {"points": []}]}, map="town",
                      version="v1")
+
+    def test_roll_outs(self):
+        archive = self.send("GET", "/v1/maps/town/versions/v1/content")[2]
+        self.ask("PUT", "/v1/maps/{map}/versions/{version}", 201, archive, "", "application/x-tar", map="town", version="w")
+        rollout = "/v1/maps/{map}/rollout"
+        wanted = {"version": "w", "share": 0.1, "vehicles": ["depot-*"], "halt": {"least_answers": 50, "most_rise": 0.1}}
+        found = self.ask("PUT", rollout, 200, wanted, map="town")
+        self.assertEqual({key: found[key] for key in wanted}, wanted)
+        self.assertEqual(self.ask("GET", rollout, 200, map="town")["state"], "running")
+        self.ask("GET", "/v1/maps/{map}", 200, query="?vehicle=depot-1", map="town")
+        self.assertIn("depot-1", [each["label"] for each in self.ask(
+            "GET", "/v1/maps/{map}/vehicles", 200, query="?limit=100", map="town")["vehicles"]])
+        self.ask("GET", "/v1/maps/{map}/vehicles", 400, query="?before=1", map="town")
+        self.ask("DELETE", "/v1/maps/{map}/versions/{version}", 409, map="town", version="w")
+        self.ask("PUT", rollout, 400, {"version": "w", "share": 2}, map="town")
+        self.ask("PUT", rollout, 404, {"version": "none"}, map="town")
+        self.ask("PUT", rollout, 409, {"version": "v1"}, map="town")
+        self.ask("DELETE", rollout, 204, map="town")
+        self.ask("DELETE", rollout, 404, map="village")
 
     def test_sessions(self):
         one = "/v1/sessions/{session}"

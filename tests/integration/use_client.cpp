@@ -107,7 +107,7 @@ json use(const std::string& url, const std::string& folder) {
   const std::vector<client::MovableBox> boxes = {{{1.0, 2.0, 3.0}, {4.0, 2.0, 1.5}, 0.3}};
   const client::Query flat{prior, {}, {}, {}, 7, "default", deadline, {}};
   const client::Query fix{{}, gnss, {}, {}, {}, {}, {}, {}};
-  const client::Query all{full, gnss, pose, boxes, 7, "icp", deadline, "v1"};
+  const client::Query all{full, gnss, pose, boxes, 7, "icp", deadline, "v1", "truck 7"};
 
   json found;
   for (client::Query query : {flat, fix, all}) {
@@ -120,9 +120,9 @@ json use(const std::string& url, const std::string& folder) {
   server.localize_geopose("town", xyzi, all);
   const std::vector<client::Client::BatchItem> items = {{xyzi, all}};
   found["localizeBatch"] =
-      json_of(*server.localize_batch("town", items, "", deadline).at(0).answer);
+      json_of(*server.localize_batch("town", items, "", deadline, "truck 7").at(0).answer);
   found["localizeBatchInVersion"] =
-      json_of(*server.localize_batch("town", items, "v1", deadline).at(0).answer);
+      json_of(*server.localize_batch("town", items, "v1", deadline, "truck 7").at(0).answer);
   const std::string session = server.open_session("town", {full, gnss, "v1", "truck 7", 0});
   server.open_session("town");
   client::ScanOptions scan{client::Odometry{5, pose, 0.1, 0.01, {}}, pose, boxes, deadline, 0};

@@ -110,8 +110,10 @@ struct Query {
   std::string method{};
   /// From the complete request.
   std::optional<std::chrono::milliseconds> deadline{};
-  /// Empty = the active one.
+  /// Empty = the active one, or that of a roll-out to this vehicle.
   std::string version{};
+  /// Label of the vehicle that asks; empty = none is told.
+  std::string vehicle{};
 };
 
 /// What a session's scan may say besides points and stamp.
@@ -130,7 +132,7 @@ struct SessionOptions {
   std::optional<Gnss> gnss{};
   /// Empty = the active one.
   std::string version{};
-  /// What operators see; empty = made by the server.
+  /// What operators see, and by which roll-outs know the vehicle; empty = made by the server.
   std::string label{};
   /// Instead of the client's.
   std::optional<int> retries{};
@@ -595,19 +597,22 @@ class Client {
     std::optional<Problem> problem;
   };
   /// Several scans in one request, answered in their order. @param version  empty = the active one.
+  /// @param vehicle  label of the vehicle that asks; empty = none is told.
   std::vector<BatchAnswer> localize_batch(const std::string& map,
                                           const std::vector<BatchItem>& items,
                                           const std::string& version = {},
-                                          std::optional<std::chrono::milliseconds> deadline = {}) {
+                                          std::optional<std::chrono::milliseconds> deadline = {},
+                                          const std::string& vehicle = {}) {
     const auto refused = [](const std::vector<BatchAnswer>& answers) {
       return std::any_of(answers.begin(), answers.end(), [](const BatchAnswer& each) {
         return each.problem && refuses_thin(*each.problem);
       });
     };
-    std::vector<BatchAnswer> answers = send_batch(map, items, version, deadline);
+    const std::string path = with_vehicle(place_of(map, version) + "/localize/batch", vehicle);
+    std::vector<BatchAnswer> answers = send_batch(path, items, deadline);
     if (!thin_profile_ || !refused(answers)) return answers;
     const auto profile = std::exchange(thin_profile_, std::nullopt);
-    answers = send_batch(map, items, version, deadline);
+    answers = send_batch(path, items, deadline);
     if (refused(answers)) thin_profile_ = profile;
     return answers;
   }
@@ -754,11 +759,14 @@ class Client {
     return download(place_of(map.name, map.version) + "/files/" + sha256, path);
   }
 
-  /// The version of a map that is active. @throws Problem, ConnectionLost.
-  MapReference active(const std::string& map) {
-    return read<MapReference>(get(place_of(map, {})), [&](const nlohmann::json& json) {
-      return MapReference{map, json.at("version"), json.at("digest")};
-    });
+  /// The version of a map that is active. @param vehicle  label of the vehicle that asks: a
+  /// roll-out may have another version for it; empty = none is told. @throws Problem,
+  /// ConnectionLost.
+  MapReference active(const std::string& map, const std::string& vehicle = {}) {
+    return read<MapReference>(get(with_vehicle(place_of(map, {}), vehicle)),
+                              [&](const nlohmann::json& json) {
+                                return MapReference{map, json.at("version"), json.at("digest")};
+                              });
   }
 
   /// Also when it has ended already, or the server cannot be reached: it expires by itself.
@@ -865,8 +873,11 @@ class Client {
     }
   }
 
-  std::vector<BatchAnswer> send_batch(const std::string& map, const std::vector<BatchItem>& items,
-                                      const std::string& version,
+  static std::string with_vehicle(const std::string& path, const std::string& vehicle) {
+    return vehicle.empty() ? path : httplib::append_query_params(path, {{"vehicle", vehicle}});
+  }
+
+  std::vector<BatchAnswer> send_batch(const std::string& path, const std::vector<BatchItem>& items,
                                       std::optional<std::chrono::milliseconds> deadline) {
     nlohmann::json request = {{"queries", nlohmann::json::array()}};
     std::vector<Body> scans;
@@ -891,9 +902,8 @@ class Client {
       }
       return answers;
     };
-    return read<std::vector<BatchAnswer>>(
-        post({place_of(map, version) + "/localize/batch", body, nullptr, true, {}, deadline}),
-        answers_of);
+    return read<std::vector<BatchAnswer>>(post({path, body, nullptr, true, {}, deadline}),
+                                          answers_of);
   }
 
   static bool is_to_thin(const Query& query) {
@@ -973,7 +983,12 @@ class Client {
         nlohmann::json request = detail::to_json(query);
         if (query.deadline) request["deadline_ms"] = query.deadline->count();
         if (!is_thin(scan)) request["layout"] = points.layout;
-        return post({path, multipart(request, {scan}, "scan"), accept, true, {}, query.deadline});
+        return post({with_vehicle(path, query.vehicle),
+                     multipart(request, {scan}, "scan"),
+                     accept,
+                     true,
+                     {},
+                     query.deadline});
       }
       httplib::Params flat = flat_of(query);
       if (!is_thin(scan)) flat.emplace("layout", points.layout);
@@ -998,6 +1013,7 @@ class Client {
     if (query.stamp_ns) flat.emplace("stamp_ns", std::to_string(*query.stamp_ns));
     if (!query.method.empty()) flat.emplace("method", query.method);
     if (query.deadline) flat.emplace("deadline_ms", std::to_string(query.deadline->count()));
+    if (!query.vehicle.empty()) flat.emplace("vehicle", query.vehicle);
     return flat;
   }
 

@@ -124,11 +124,12 @@ class VersionFetch {
 /// programs may read meanwhile. Fetches only files that the copy before does not have; each is
 /// compared with its SHA-256. Call it again after an interruption, or to follow the server. The
 /// version before stays too.
+/// @param vehicle  as in `Client::active`.
 /// @throws Problem, ConnectionLost; Error for bytes that are not what the version's digest says.
-inline Mirrored mirror(Client& client, const std::string& map,
-                       const std::filesystem::path& folder) {
+inline Mirrored mirror(Client& client, const std::string& map, const std::filesystem::path& folder,
+                       const std::string& vehicle = {}) {
   namespace fs = std::filesystem;
-  Mirrored mirrored{client.active(map), {}, false, 0};
+  Mirrored mirrored{client.active(map, vehicle), {}, false, 0};
   const std::string& digest = mirrored.map.digest;
   fs::create_directories(folder);
   mirrored.package = folder / digest;

@@ -261,14 +261,9 @@ JsonBatch read_batch_json(std::string_view text, JsonScan scan, const ServerOpti
 
 namespace {
 
-/// It is shown to people, and stands in no log.
 std::string read_label(const RequestJson& value) {
-  constexpr std::size_t kMostBytes = 64;
   std::string label = value.is_string() ? value.get<std::string>() : std::string{};
-  const bool printable =
-      std::all_of(label.begin(), label.end(), [](char byte) { return byte >= ' ' && byte <= '~'; });
-  if (label.empty() || label.size() > kMostBytes || !printable)
-    refuse("label", value, "1 to 64 of printable ASCII");
+  if (!is_label(label)) refuse("label", value, kLabelRule);
   return label;
 }
 

@@ -1,5 +1,6 @@
 #include "catalog/map_catalog.hpp"
 
+#include "catalog/rollout_group.hpp"
 #include "json/localization_options_json.hpp"
 
 #include "errors/api_error.hpp"
@@ -17,7 +18,7 @@ namespace {
 
 /// How often the store is asked what other processes did to it.
 constexpr std::chrono::seconds kStorePeriod{1};
-/// Versions that are kept open besides the active ones.
+/// Versions that are kept open besides the active and the rolled out ones.
 constexpr std::size_t kKeptOpen = 4;
 
 std::string version_text(const std::string& map, const std::string& version) {
@@ -100,8 +101,22 @@ std::optional<ServedVersion> MapCatalog::known(std::string_view map,
   return found->second.served;
 }
 
-ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version) {
-  ServedVersion served = version ? find(map, *version) : find(map);
+ServedVersion MapCatalog::find_for(std::string_view map, std::string_view vehicle) const {
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto found = rollouts_.find(map);
+    if (found != rollouts_.end() && !found->second.halted && is_in_group(found->second, vehicle)) {
+      const auto slot = slots_.find({found->first, found->second.version});
+      if (slot != slots_.end() && slot->second.served.state == MapState::kReady)
+        return slot->second.served;
+    }
+  }
+  return find(map);
+}
+
+ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version,
+                                std::string_view vehicle) {
+  ServedVersion served = version ? find(map, *version) : find_for(map, vehicle);
   if (served.state == MapState::kReady) return served;
   if (served.state == MapState::kFailed) throw unusable(served);
   {
@@ -131,17 +146,13 @@ StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
   }
   if (before.active && *before.active != key.second && !new_frame) {
     const ServedVersion present = open({key.first, *before.active}).served;
-    if (present.package && !in_one_frame(present, next)) {
-      throw ApiError(ErrorCode::kOtherFrame, version_text(key.first, key.second) +
-                                                 " is not known to be in the frame of " +
-                                                 version_text(present.map, present.version) +
-                                                 ", so positions may mean other places: build it "
-                                                 "with --register-to, or send new_frame=true");
-    }
+    require_one_frame(present, next);
   }
   // What was compared is what must be active still.
   StoredMap after = store_.activate(map, version, revision ? revision : before.revision);
   serve(key);
+  // A roll-out of the map has ended.
+  refresh();
   return after;
 }
 
@@ -151,6 +162,66 @@ StoredMap MapCatalog::roll_back(std::string_view map, std::optional<std::int64_t
   if (!seen.previous) return store_.roll_back(map, revision);  // refuses in the store's words
   if (revision.value_or(seen.revision) != seen.revision) return store_.roll_back(map, revision);
   return activate(map, *seen.previous, seen.revision, new_frame);
+}
+
+void MapCatalog::require_one_frame(const ServedVersion& present, const ServedVersion& next) const {
+  if (!present.package || in_one_frame(present, next)) return;
+  throw ApiError(ErrorCode::kOtherFrame,
+                 version_text(next.map, next.version) + " is not known to be in the frame of " +
+                     version_text(present.map, present.version) +
+                     ", so positions may mean other places: build it with --register-to, or "
+                     "activate it with new_frame=true");
+}
+
+Rollout MapCatalog::put_rollout(const Rollout& rollout) {
+  (void)store_.state().version(rollout.map, rollout.version);
+  const ServedVersion present = find(rollout.map);
+  const ServedVersion next = open({rollout.map, rollout.version}).served;
+  if (!next.package)
+    throw ApiError(ErrorCode::kVersionUnusable, version_text(next.map, next.version) +
+                                                    " cannot be opened: " + next.failure +
+                                                    "; add the same package again");
+  require_one_frame(present, next);
+  Rollout kept = store_.rollouts().put(rollout);
+  follow_store();
+  return kept;
+}
+
+void MapCatalog::halt_rollout(const Rollout& rollout, const std::string& reason) {
+  const auto halt = [&] {
+    const std::scoped_lock lock(mutex_);
+    const auto found = rollouts_.find(rollout.map);
+    if (found == rollouts_.end() || found->second.begun_ns != rollout.begun_ns) return;
+    found->second.halted = true;
+    found->second.reason = reason;
+  };
+  // At once, whatever the disk does.
+  halt();
+  const std::scoped_lock what_was_read_holds(follow_mutex_);
+  const bool is_first = store_.rollouts().halt(rollout, reason);
+  halt();
+  if (is_first)
+    spdlog::error("the roll-out of {} is halted: {}", version_text(rollout.map, rollout.version),
+                  reason);
+}
+
+void MapCatalog::end_rollout(const std::string& map) {
+  store_.rollouts().remove(map);
+  follow_store();
+}
+
+std::optional<Rollout> MapCatalog::rollout(std::string_view map) const {
+  const std::scoped_lock lock(mutex_);
+  const auto found = rollouts_.find(map);
+  if (found == rollouts_.end()) return std::nullopt;
+  return found->second;
+}
+
+std::vector<Rollout> MapCatalog::rollouts() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<Rollout> each;
+  for (const auto& [map, rollout] : rollouts_) each.push_back(rollout);
+  return each;
 }
 
 bool MapCatalog::in_one_frame(const ServedVersion& a, const ServedVersion& b) const {
@@ -204,6 +275,7 @@ void MapCatalog::follow_store() {
     std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
   }
   for (const auto& [map, version] : wanted) follow(map, version);
+  follow_rollouts();
   notice_replaced();
   notice_trust();
   forget_unused();
@@ -227,6 +299,32 @@ void MapCatalog::follow(const std::string& map, const std::string& version) {
   changed_.notify_all();
 }
 
+/// Loads what is rolled out, once: one that failed is tried again when it is begun again.
+void MapCatalog::follow_rollouts() {
+  std::map<std::string, Rollout, std::less<>> now;
+  for (Rollout& each : store_.state().rollouts().list()) now.emplace(each.map, std::move(each));
+  std::vector<Key> begun;
+  {
+    const std::scoped_lock lock(mutex_);
+    for (const auto& [map, rollout] : now) {
+      const auto before = rollouts_.find(map);
+      const bool is_known = before != rollouts_.end() &&
+                            before->second.begun_ns == rollout.begun_ns &&
+                            slots_.contains({map, rollout.version});
+      if (!rollout.halted && !is_known) begun.emplace_back(map, rollout.version);
+    }
+    rollouts_ = now;
+  }
+  for (const Key& key : begun) {
+    (void)open(key);
+    const std::scoped_lock lock(mutex_);
+    const auto slot = slots_.find(key);
+    if (slot != slots_.end() && slot->second.served.state != MapState::kReady)
+      slot->second.served.state = MapState::kLoading;
+  }
+  if (!begun.empty()) changed_.notify_all();
+}
+
 /// What is open of a package that was damaged is what was damaged: the mended one lies beside it.
 void MapCatalog::notice_replaced() {
   std::vector<std::pair<Key, std::uint64_t>> open;
@@ -240,7 +338,7 @@ void MapCatalog::notice_replaced() {
     const std::scoped_lock lock(mutex_);
     const auto slot = slots_.find(key);
     if (slot == slots_.end() || slot->second.served.state == MapState::kLoading) continue;
-    if (is_served(key))
+    if (is_served(key) || is_rolled_out(key))
       slot->second.replaced = true;
     else
       slots_.erase(slot);
@@ -387,7 +485,7 @@ void MapCatalog::forget_unused() {
   const std::scoped_lock lock(mutex_);
   std::vector<std::pair<std::uint64_t, Key>> unused;
   for (const auto& [key, slot] : slots_) {
-    if (!is_served(key) && slot.served.state != MapState::kLoading)
+    if (!is_served(key) && !is_rolled_out(key) && slot.served.state != MapState::kLoading)
       unused.emplace_back(slot.last_use, key);
   }
   std::sort(unused.begin(), unused.end());
@@ -410,6 +508,12 @@ bool MapCatalog::is_served(const Key& key) const {
   const auto found = active_.find(key.first);
   return found != active_.end() &&
          (found->second.serving == key.second || found->second.wanted == key.second);
+}
+
+/// Under the lock.
+bool MapCatalog::is_rolled_out(const Key& key) const {
+  const auto found = rollouts_.find(key.first);
+  return found != rollouts_.end() && !found->second.halted && found->second.version == key.second;
 }
 
 }  // namespace stillmap::server

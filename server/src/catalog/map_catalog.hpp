@@ -72,9 +72,9 @@ struct ServedVersion {
 };
 
 /// Versions of the store's maps, open and, once a thread of its own has prepared them, with their
-/// aligners: the active ones always, others when they are asked for. Queries keep the version they
-/// began with. Notices within a second or two what other processes activate, and when a damaged
-/// package is replaced. Safe from several threads.
+/// aligners: the active ones and those that are rolled out always, others when they are asked for.
+/// Queries keep the version they began with. Notices within a second or two what other processes
+/// activate, and when a damaged package is replaced. Safe from several threads.
 class MapCatalog {
  public:
   /// @param store  outlives this. @param metrics  counts loads when there; outlives this.
@@ -101,11 +101,18 @@ class MapCatalog {
   /// As it is now, without opening it; nothing when it is not open.
   [[nodiscard]] std::optional<ServedVersion> known(std::string_view map,
                                                    std::string_view version) const;
+  /// The version that a vehicle gets which names none: that of a running roll-out, once it is
+  /// ready, for those in its group, else the one that is served. @param vehicle  label; empty: in
+  /// no group.
+  /// @throws as `find(map)`.
+  [[nodiscard]] ServedVersion find_for(std::string_view map, std::string_view vehicle) const;
   /// What the versions of the store were made of, open or not.
   [[nodiscard]] const VersionFactsTable& facts() const { return facts_; }
 
-  /// The same, for poses. @throws also ApiError kMapLoading, with Retry-After.
-  [[nodiscard]] ServedVersion ready(std::string_view map, std::optional<std::string_view> version);
+  /// The same, for poses. @param vehicle  as of `find_for`, without a version.
+  /// @throws also ApiError kMapLoading, with Retry-After.
+  [[nodiscard]] ServedVersion ready(std::string_view map, std::optional<std::string_view> version,
+                                    std::string_view vehicle = {});
 
   /// Loads the version, makes it the active one, and serves it from then on. When it cannot be
   /// loaded nothing changes.
@@ -117,6 +124,19 @@ class MapCatalog {
   /// The same with the version that was active before. @throws also StoreRefusal kNoPrevious.
   StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {},
                       bool new_frame = false);
+  /// Begins a roll-out or changes it, as `RolloutTable::put`; its version is loaded in the
+  /// background and stays loaded.
+  /// @throws ApiError kVersionUnusable for one that cannot be opened, kOtherFrame,
+  /// kNoActiveVersion; StoreRefusal as `RolloutTable::put`.
+  Rollout put_rollout(const Rollout& rollout);
+  /// All vehicles get the active version from now on.
+  void halt_rollout(const Rollout& rollout, const std::string& reason);
+  /// The same, and nothing is kept of it. @throws StoreRefusal kUnknownMap.
+  void end_rollout(const std::string& map);
+  /// Of a map, running or halted.
+  [[nodiscard]] std::optional<Rollout> rollout(std::string_view map) const;
+  /// Sorted by map.
+  [[nodiscard]] std::vector<Rollout> rollouts() const;
   /// Whether two versions are known to be in one map frame: the same, registered to one another
   /// (over others), or at one place on Earth. @param a, b  of one map, both open.
   [[nodiscard]] bool in_one_frame(const ServedVersion& a, const ServedVersion& b) const;
@@ -142,6 +162,8 @@ class MapCatalog {
   void work(const std::stop_token& stop);
   void follow_store();
   void follow(const std::string& map, const std::string& version);
+  void follow_rollouts();
+  void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
   void notice_replaced();
   void notice_trust();
   [[nodiscard]] std::string distrust_of(const Key& key) const;
@@ -155,6 +177,7 @@ class MapCatalog {
   void forget_unused();
   [[nodiscard]] std::optional<Key> next_to_load() const;
   [[nodiscard]] bool is_served(const Key& key) const;
+  [[nodiscard]] bool is_rolled_out(const Key& key) const;
 
   PackageStore& store_;
   VersionFactsTable facts_;
@@ -171,6 +194,7 @@ class MapCatalog {
   std::uint64_t uses_ = 0;
   std::map<Key, Slot> slots_;
   std::map<std::string, Active, std::less<>> active_;
+  std::map<std::string, Rollout, std::less<>> rollouts_;
   std::jthread thread_;  // last: it uses all of the above
 };
 

@@ -23,6 +23,7 @@ constexpr const char* kKeyVariable = "STILLMAP_KEY";
 
 struct MirrorCommand {
   std::string url;
+  std::string vehicle;
   std::filesystem::path store;
   server::MirrorOptions options;
   std::optional<double> megabytes_a_second, most_megabytes;
@@ -76,7 +77,7 @@ void mirror(MirrorCommand& asked) {
     asked.options.around = {{asked.around.at(0), asked.around.at(1)}, asked.around.at(2)};
   if (!asked.trusted.empty()) asked.options.trusted = server::read_public_keys(asked.trusted);
   const char* const key = std::getenv(kKeyVariable);
-  const auto source = server::http_source(asked.url, key == nullptr ? "" : key);
+  const auto source = server::http_source(asked.url, key == nullptr ? "" : key, asked.vehicle);
   server::PackageStore::make_folder(asked.store);
   server::PackageStore store(asked.store);
   command_line::cancel_on_signals();
@@ -108,6 +109,9 @@ void add_mirror(CLI::App& app) {
       ->required()
       ->type_name("FOLDER")
       ->check(command_line::folder_or_new());
+  command->add_option("--vehicle", asked->vehicle,
+                      "Label of the vehicle, which a roll-out may give another version (default: "
+                      "the active version)");
   command
       ->add_option("--rate", asked->megabytes_a_second,
                    "Most megabytes a second, in the mean (default: no limit)")

@@ -1,6 +1,7 @@
 #include "bodies/answers_json.hpp"
 #include "bodies/pose_request_json.hpp"
 #include "errors/api_error.hpp"
+#include "handlers/flat_parameters.hpp"
 #include "handlers/scan_in_request.hpp"
 #include "http/header_text.hpp"
 #include "http/multipart.hpp"
@@ -86,6 +87,7 @@ PoseRequest take_query(const Context& context, Batch& batch, std::size_t i) {
 /// A batch whose turn has come.
 struct BatchTurn {
   const HttpRequest& request;
+  const PathParameters& path;
   const ServedVersion& map;
   PoseClock::time_point deadline;
   AlignmentQueue::Ticket& ticket;
@@ -93,7 +95,7 @@ struct BatchTurn {
 
 std::string answer_query(const Context& context, const BatchTurn& turn, Batch& batch,
                          std::size_t i) {
-  PoseAnswer answer = answer_for(turn.map, turn.request);
+  PoseAnswer answer = answer_for(turn.map, turn.request, turn.path);
   const PoseClock::time_point begin = PoseClock::now();
   PoseRequest query = take_query(context, batch, i);
   answer.timing.decode_ms = milliseconds_since(begin);
@@ -132,7 +134,7 @@ void answer_queries(const Context& context, const BatchTurn& turn, Batch& batch)
 
 HttpResponse answer_batch(const Context& context, const HttpRequest& request,
                           const PathParameters& path) {
-  const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
+  const ServedVersion map = ready_version(context, request, path);
   require_json_taken(request);
   const std::string type = media_type(request.header("content-type"));
   const bool is_json = type == "application/json";
@@ -140,10 +142,7 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
     throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
                       "application/json or multipart/form-data");
   }
-  if (!request.query.empty()) {
-    throw field_error(ErrorCode::kUnknownParameter, "query",
-                      "'" + request.query.front().first + "'", "no query");
-  }
+  require_vehicle_alone(request.query, fmt::format("'{}' alone", kVehicleParameter));
   const std::shared_ptr<const ServerOptions> options = context.live.current();
   const std::vector<MultipartPart> parts =
       is_json ? std::vector<MultipartPart>{} : split_batch(*options, request);
@@ -166,7 +165,7 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
     }
     const PoseClock::time_point deadline = deadline_of(context, request, batch.queries.deadline);
     ticket.set_deadline(deadline);
-    answer_queries(context, {request, map, deadline, ticket}, batch);
+    answer_queries(context, {request, path, map, deadline, ticket}, batch);
   }
   return json_response(batch_answer_json(batch.answers, request.request_id));
 }
@@ -183,7 +182,7 @@ void add_batch_routes(std::vector<Route>& routes, const Context& context) {
                 Access::kLocalize, BodyKind::kWhole};
     route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
       return counting_refusals(context, path.at("map"), [&] {
-        require_ready(context, path);
+        require_ready(context, request, path);
         const auto scans = static_cast<int>(1 + body_bytes(context, request) / kUsualScanBytes);
         return reserve_room(context, request, WorkKind::kNearPrior,
                             std::min(scans, context.live.current()->batch.max_scans));

@@ -8,7 +8,9 @@
 #include "metrics/metrics.hpp"
 #include "pose/alignment_queue.hpp"
 #include "pose/map_stats.hpp"
+#include "pose/rollout_counts.hpp"
 #include "pose/session_table.hpp"
+#include "pose/vehicle_table.hpp"
 #include "store/ids_and_times.hpp"
 
 #include <stillmap/server/options_holder.hpp>
@@ -45,6 +47,8 @@ struct Context {
   Jobs& jobs;
   Metrics& metrics;
   MapStats& stats;
+  VehicleTable& vehicles;
+  RolloutCounts& rollout_counts;
   /// Once set, the server is about to end.
   const std::atomic<bool>& stopping;
   std::chrono::steady_clock::time_point started;
@@ -76,6 +80,7 @@ void add_difference_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 void add_batch_routes(std::vector<Route>& routes, const Context& context);
 void add_session_routes(std::vector<Route>& routes, const Context& context);
+void add_rollout_routes(std::vector<Route>& routes, const Context& context);
 void add_stats_routes(std::vector<Route>& routes, const Context& context);
 void add_openapi_routes(std::vector<Route>& routes);
 

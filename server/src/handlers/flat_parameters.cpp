@@ -17,8 +17,9 @@ namespace {
 
 using Values = std::map<std::string, std::string, std::less<>>;
 
-constexpr std::array<std::string_view, 7> kQueryNames = {
-    "stamp_ns", "deadline_ms", "prior_t", "prior_q", "prior_sigma", "gnss", "method"};
+constexpr std::array<std::string_view, 8> kQueryNames = {"stamp_ns", "deadline_ms",    "prior_t",
+                                                         "prior_q",  "prior_sigma",    "gnss",
+                                                         "method",   kVehicleParameter};
 constexpr std::array<std::string_view, 6> kSessionNames = {
     "stamp_ns", "deadline_ms", "odom_since_ns", "odom_t", "odom_q", "odom_sigma"};
 
@@ -159,6 +160,25 @@ PoseParameters read_flat_parameters(const std::vector<std::pair<std::string, std
   if (const auto text = value_of("method")) parameters.method = *text;
   if (const auto text = value_of("layout")) parameters.raw_format = raw_format_of(*text);
   return parameters;
+}
+
+std::string read_vehicle(const std::vector<std::pair<std::string, std::string>>& query) {
+  std::string label;
+  for (const auto& [name, value] : query) {
+    if (name != kVehicleParameter) continue;
+    if (!label.empty()) throw field_error(ErrorCode::kInvalidRequest, name, "it twice", "it once");
+    if (!is_label(value))
+      throw field_error(ErrorCode::kInvalidRequest, name, "'" + value + "'", kLabelRule);
+    label = value;
+  }
+  return label;
+}
+
+void require_vehicle_alone(const std::vector<std::pair<std::string, std::string>>& query,
+                           const std::string& expected) {
+  for (const auto& [name, value] : query)
+    if (name != kVehicleParameter)
+      throw field_error(ErrorCode::kUnknownParameter, "query", "'" + name + "'", expected);
 }
 
 std::optional<std::chrono::milliseconds> read_flat_deadline(

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -16,6 +17,17 @@ namespace stillmap::server {
 [[nodiscard]] PoseParameters read_flat_parameters(
     const std::vector<std::pair<std::string, std::string>>& query, bool takes_layout,
     ScanPurpose purpose);
+
+/// Name of the parameter that says which vehicle asks. It stands in the query with a body of any
+/// type, since the version that is asked depends on it.
+inline constexpr std::string_view kVehicleParameter = "vehicle";
+/// The label of the vehicle that asks; empty when none is told. @throws ApiError kInvalidRequest.
+[[nodiscard]] std::string read_vehicle(
+    const std::vector<std::pair<std::string, std::string>>& query);
+/// For bodies with their parameters inside. @throws ApiError kUnknownParameter for any other
+/// parameter than `vehicle`. @param expected  such as "no other query".
+void require_vehicle_alone(const std::vector<std::pair<std::string, std::string>>& query,
+                           const std::string& expected);
 
 /// `deadline_ms` alone, as far as the head tells it. @throws ApiError kInvalidRequest.
 [[nodiscard]] std::optional<std::chrono::milliseconds> read_flat_deadline(

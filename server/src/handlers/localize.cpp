@@ -41,13 +41,13 @@ void align(const Context& context, const ServedVersion& map, PoseRequest& reques
 
 HttpResponse answer_localize(const Context& context, const HttpRequest& request,
                              const PathParameters& path) {
-  const ServedVersion map = context.catalog.ready(path.at("map"), version_in(path));
+  const ServedVersion map = ready_version(context, request, path);
   const PoseForms forms = pose_forms(request, map);
   ScanInBody found = find_scan(request, context.options, ScanPurpose::kQuery);
   // What can be refused is refused before it waits.
   static_cast<void>(choose_aligner(*map.aligners, found.parameters.method));
   PoseClock::time_point deadline = deadline_of(context, request, found.parameters.deadline);
-  PoseAnswer answer = answer_for(map, request);
+  PoseAnswer answer = answer_for(map, request, path);
   {
     const WorkKind kind =
         found.kind == ScanInBody::Kind::kJson ? WorkKind::kNearPrior : kind_of(found.parameters);
@@ -83,7 +83,7 @@ void add_localize_routes(std::vector<Route>& routes, const Context& context) {
                 Access::kLocalize, BodyKind::kWhole};
     route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
       return counting_refusals(context, path.at("map"), [&] {
-        require_ready(context, path);
+        require_ready(context, request, path);
         return reserve_room(context, request, kind_in_head(request), 1);
       });
     };

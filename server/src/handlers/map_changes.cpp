@@ -22,6 +22,8 @@ HttpResponse remove_map(const Context& context, const HttpRequest& request,
   context.store.remove_map(
       name, flag_in_query(request, "active") ? WhenActive::kRemove : WhenActive::kRefuse);
   context.stats.forget(name);
+  context.vehicles.forget(name);
+  context.rollout_counts.forget(name);
   context.catalog.refresh();
   return {.status = 204, .content_type = {}, .body = {}, .headers = {}};
 }

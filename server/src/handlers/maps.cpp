@@ -3,6 +3,7 @@
 #include "context.hpp"
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
+#include "handlers/flat_parameters.hpp"
 #include "handlers/page_query.hpp"
 #include "handlers/tile_answer.hpp"
 #include "security/map_limits.hpp"
@@ -117,12 +118,24 @@ ShownGraph graph_of(const maps::MapPackage& map) {
   return shown;
 }
 
-/// @param map  as the store has it now; the version is the one that the path names, else its active
-/// one, so that the revision of the answer is that of its version.
-std::string one_version(const Context& context, const StoredMap& map, const PathParameters& path) {
-  const ServedVersion version =
-      version_in(path) ? find_version(context.catalog, path)
-                       : loading_unless_known(context.catalog.find(map.name, *map.active));
+/// The version that the path names, else the one that a vehicle gets.
+/// @param map  as the store has it now, so that the revision of the answer is that of its version.
+ServedVersion told_version(const Context& context, const StoredMap& map, const PathParameters& path,
+                           const std::string& vehicle) {
+  if (version_in(path)) return find_version(context.catalog, path);
+  const std::optional<Rollout> rollout = context.catalog.rollout(map.name);
+  if (rollout && !vehicle.empty()) {
+    ServedVersion version = context.catalog.find_for(map.name, vehicle);
+    if (version.version == rollout->version) return version;
+  }
+  return loading_unless_known(context.catalog.find(map.name, *map.active));
+}
+
+/// @param map  as of `told_version`.
+std::string one_version(const Context& context, const StoredMap& map, const PathParameters& path,
+                        const std::string& vehicle) {
+  const ServedVersion version = told_version(context, map, path, vehicle);
+  context.vehicles.seen(map.name, vehicle, version.version, {}, unix_ns());
   const auto stored = context.store.state().find_version(version.map, version.version);
   return map_json(map, version,
                   stored ? describe_version(context, version.map, *stored) : DescribedVersion{});
@@ -132,7 +145,7 @@ std::string one_version(const Context& context, const StoredMap& map, const Path
 /// @throws ApiError kInvalidRequest, kUnknownVersion.
 std::optional<std::string> version_as_of(const Context& context, const HttpRequest& request,
                                          const std::string& map) {
-  const auto values = read_query(request, {"as_of"});
+  const auto values = read_query(request, {"as_of", "vehicle"});
   const auto text = values.find("as_of");
   if (text == values.end()) return std::nullopt;
   const std::optional<std::int64_t> time_ns = time_in(text->second);
@@ -178,9 +191,11 @@ void add_map_routes(std::vector<Route>& routes, const Context& context) {
     if (!version_in(path))
       if (const auto version = version_as_of(context, request, map.name))
         path.emplace("version", *version);
+    const std::string vehicle = version_in(path) ? "" : read_vehicle(request.query);
     // A map without an active version is there all the same.
-    HttpResponse response = json_response(
-        !map.active && !version_in(path) ? stored_map_json(map) : one_version(context, map, path));
+    HttpResponse response =
+        json_response(!map.active && !version_in(path) ? stored_map_json(map)
+                                                       : one_version(context, map, path, vehicle));
     response.headers.emplace_back("ETag", etag_of(map));
     return response;
   };

@@ -9,6 +9,7 @@
 #include <stillmap/localization/movable.hpp>
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <charconv>
@@ -22,9 +23,14 @@ double milliseconds_since(PoseClock::time_point begin) {
   return std::chrono::duration<double, std::milli>(PoseClock::now() - begin).count();
 }
 
-void require_ready(const Context& context, const PathParameters& path) {
+ServedVersion ready_version(const Context& context, const HttpRequest& request,
+                            const PathParameters& path) {
+  return context.catalog.ready(path.at("map"), version_in(path), read_vehicle(request.query));
+}
+
+void require_ready(const Context& context, const HttpRequest& request, const PathParameters& path) {
   try {
-    static_cast<void>(context.catalog.ready(path.at("map"), version_in(path)));
+    static_cast<void>(ready_version(context, request, path));
   } catch (const ApiError&) {
     throw;
   } catch (const StoreRefusal& error) {
@@ -162,10 +168,45 @@ PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request) {
   return answer;
 }
 
+PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request,
+                      const PathParameters& path) {
+  PoseAnswer answer = answer_for(map, request);
+  answer.vehicle = read_vehicle(request.query);
+  answer.version_was_named = version_in(path).has_value();
+  return answer;
+}
+
+namespace {
+
+/// An answer that halts the roll-out is given all the same.
+void count_for_rollout(const Context& context, const PoseAnswer& answer, std::string_view status) {
+  using Group = RolloutCounts::Group;
+  const std::optional<Rollout> rollout = context.catalog.rollout(answer.map_name);
+  const Group group =
+      context.rollout_counts.answered(answer.map_name, answer.map_version, status, rollout);
+  if (group == Group::kNone) return;
+  context.metrics.rollout_answered(answer.map_name, group == Group::kRollout ? "rollout" : "others",
+                                   status);
+  if (group != Group::kRollout) return;
+  const std::string reason =
+      reason_to_halt(context.rollout_counts.figures(*rollout), rollout->halt);
+  if (reason.empty()) return;
+  try {
+    context.catalog.halt_rollout(*rollout, reason);
+  } catch (const std::exception& error) {
+    spdlog::error("a halted roll-out is not in the store: {}", error.what());
+  }
+}
+
+}  // namespace
+
 void count_answer(const Context& context, const PoseAnswer& answer, const std::string& method) {
-  context.metrics.aligned(
-      answer.map_name, method.empty() ? localization::aligner_names().front() : method,
-      localization::name_of(answer.result.status), 1e-3 * answer.timing.align_ms);
+  const std::string_view status = localization::name_of(answer.result.status);
+  context.vehicles.seen(answer.map_name, answer.vehicle, answer.map_version, status, unix_ns());
+  if (!answer.version_was_named) count_for_rollout(context, answer, status);
+  context.metrics.aligned(answer.map_name,
+                          method.empty() ? localization::aligner_names().front() : method, status,
+                          1e-3 * answer.timing.align_ms);
 }
 
 void finish_answer(const Context& context, const HttpRequest& request, PoseAnswer& answer) {

@@ -18,9 +18,13 @@ using PoseClock = AlignmentQueue::Clock;
 
 [[nodiscard]] double milliseconds_since(PoseClock::time_point begin);
 
-/// Whether the version that the path names can be asked for poses, before a body is read.
-/// @throws ApiError as `MapCatalog::ready`; what is the server's own fault is left to the handler.
-void require_ready(const Context& context, const PathParameters& path);
+/// The version that the path names, else the one that the vehicle of the query gets.
+/// @throws as `MapCatalog::ready`; ApiError kInvalidRequest for what is no label.
+[[nodiscard]] ServedVersion ready_version(const Context& context, const HttpRequest& request,
+                                          const PathParameters& path);
+/// Whether that version can be asked for poses, before a body is read.
+/// @throws ApiError as `ready_version`; what is the server's own fault is left to the handler.
+void require_ready(const Context& context, const HttpRequest& request, const PathParameters& path);
 
 /// @param method  empty = the default. @throws ApiError kUnknownMethod.
 [[nodiscard]] const localization::Aligner& choose_aligner(const Aligners& aligners,
@@ -61,7 +65,11 @@ using Thinner = std::function<localization::ThinScan(const localization::ScanVie
 [[nodiscard]] localization::ThinScan scan_to_match(PoseRequest& request, const Thinner& thin,
                                                    PoseAnswer& answer);
 [[nodiscard]] PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request);
-/// Counts an answer. @param method  as it was asked for, one that there is.
+/// The same, for the vehicle and the version that a request names.
+[[nodiscard]] PoseAnswer answer_for(const ServedVersion& map, const HttpRequest& request,
+                                    const PathParameters& path);
+/// Counts an answer, for its vehicle and for a roll-out too, which it may halt.
+/// @param method  as it was asked for, one that there is.
 void count_answer(const Context& context, const PoseAnswer& answer, const std::string& method);
 /// The answer is about to be written: its total time, and the figures of its map.
 void finish_answer(const Context& context, const HttpRequest& request, PoseAnswer& answer);

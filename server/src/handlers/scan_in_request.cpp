@@ -107,10 +107,14 @@ ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& op
   return found;
 }
 
-void refuse_query(const HttpRequest& request) {
+void refuse_query(const HttpRequest& request, ScanPurpose purpose) {
+  constexpr const char* kWhy = "with this content type the parameters stand in the JSON";
+  if (purpose == ScanPurpose::kQuery)
+    return require_vehicle_alone(request.query,
+                                 fmt::format("'{}' alone: {}", kVehicleParameter, kWhy));
   if (request.query.empty()) return;
   throw field_error(ErrorCode::kUnknownParameter, "query", "'" + request.query.front().first + "'",
-                    "no query: with this content type the parameters stand in the JSON");
+                    fmt::format("no query: {}", kWhy));
 }
 
 }  // namespace
@@ -132,11 +136,11 @@ ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
             .parameters = read_flat_parameters(request.query, type == kRaw, purpose)};
   }
   if (type == "application/json" && purpose == ScanPurpose::kQuery) {
-    refuse_query(request);
+    refuse_query(request, purpose);
     return {.kind = ScanInBody::Kind::kJson, .bytes = request.body, .parameters = {}};
   }
   if (type == "multipart/form-data") {
-    refuse_query(request);
+    refuse_query(request, purpose);
     return find_in_multipart(request, options, purpose);
   }
   throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",

@@ -37,11 +37,16 @@ class SessionStream final : public EventSource {
     return to_stream(read);
   }
 
+  /// Whoever opened it would get this one now.
+  static std::string version_now(const Session& session, const MapCatalog& catalog) {
+    const bool is_chosen = !session.version_was_named();
+    return catalog.find_for(session.map().map, is_chosen ? session.vehicle() : "").version;
+  }
   /// A session that is told of its map's new version whenever somebody looks needs no listener in
   /// the catalogue.
   static void note_version(Session& session, const MapCatalog& catalog) {
     try {
-      session.note_active_version(catalog.find(session.map().map).version);
+      session.note_active_version(version_now(session, catalog));
     } catch (const ApiError&) {
       // No version is active, or the active one is broken; the session keeps its own.
     } catch (const StoreRefusal&) {
@@ -65,12 +70,19 @@ HttpResponse open_session(const Context& context, const HttpRequest& request) {
   require_json_if_any(request);
   const SessionRequest wanted = read_session_json(request.body, true, context.options);
   require_map(request.caller, wanted.map);
+  const bool is_named = !wanted.version.empty();
   ServedVersion map = context.catalog.ready(
-      wanted.map,
-      wanted.version.empty() ? std::nullopt : std::optional<std::string_view>(wanted.version));
+      wanted.map, is_named ? std::optional<std::string_view>(wanted.version) : std::nullopt,
+      wanted.label);
+  const std::optional<Rollout> rollout = context.catalog.rollout(wanted.map);
+  const bool is_rolled_out = !is_named && rollout && rollout->version == map.version;
+  context.vehicles.seen(map.map, wanted.label, map.version, {}, unix_ns());
   const auto prior = prior_in(map, wanted.prior, wanted.gnss);
   const std::shared_ptr<Session> session =
-      context.sessions.open(std::move(map), request.caller.key_id, wanted.label);
+      context.sessions.open(std::move(map), {.owner = request.caller.key_id,
+                                             .label = wanted.label,
+                                             .version_was_named = is_named,
+                                             .is_rolled_out = is_rolled_out});
   if (prior) session->initialize(prior);
   HttpResponse response =
       json_response(session_json(*session, context.sessions.limits().idle), 201);
@@ -113,8 +125,21 @@ AlignmentQueue::Ticket enter(const Context& context, const HttpRequest& request,
   }
 }
 
+/// Else a vehicle would stay in a halted version as long as it drives.
+void require_version(const Context& context, const std::shared_ptr<Session>& session) {
+  if (session->version_was_named() || session->vehicle().empty()) return;
+  const std::string& map = session->map().map;
+  const std::string version = SessionStream::version_now(*session, context.catalog);
+  if (!session->lost_its_version(version, context.catalog.find_for(map, {}).version)) return;
+  context.sessions.close(session->id(), session->owner(), "rolled_back");
+  throw ApiError(ErrorCode::kUnknownSession,
+                 "the roll-out of version '" + session->map().version + "' of map '" + map +
+                     "' has ended for this vehicle, and the session with it: open another one");
+}
+
 HttpResponse track_scan(const Context& context, const HttpRequest& request,
                         const std::shared_ptr<Session>& session) {
+  require_version(context, session);
   SessionStream::note_version(*session, context.catalog);
   const PoseForms forms = pose_forms(request, session->map());
   ScanInBody found = find_scan(request, context.options, ScanPurpose::kSession);
@@ -126,6 +151,8 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
   const std::int64_t stamp_ns = *found.parameters.stamp_ns;
   const PoseClock::time_point deadline = deadline_of(context, request, found.parameters.deadline);
   PoseAnswer answer = answer_for(session->map(), request);
+  answer.vehicle = session->vehicle();
+  answer.version_was_named = session->version_was_named();
   {
     SessionLine::Scan scan(session->line(), stamp_ns, deadline);
     scan.wait_for_turn();

@@ -10,6 +10,8 @@
 #include <prometheus/registry.h>
 #include <prometheus/text_serializer.h>
 
+#include <algorithm>
+#include <map>
 #include <mutex>
 #include <set>
 #include <utility>
@@ -109,6 +111,9 @@ struct Metrics::Parts {
   std::vector<AnyFamily> families;
   std::mutex names_mutex;
   std::set<std::string> map_names;
+  std::mutex rollouts_mutex;
+  /// By label of the map.
+  std::map<std::string, RolloutFigure> rollouts;
   /// One `text` at a time, and no reader added meanwhile.
   std::mutex readers_mutex;
   std::vector<std::function<void()>> readers;
@@ -189,6 +194,24 @@ void Metrics::map_loaded(std::string_view map, double seconds) {
 }
 void Metrics::map_load_failed(std::string_view map) {
   parts_->counter(Metric::kMapLoadFailures, {parts_->map_label(map)}).Increment();
+}
+
+void Metrics::set_rollouts(const std::vector<RolloutFigure>& rollouts) {
+  const std::lock_guard lock(parts_->rollouts_mutex);
+  for (auto& [label, figure] : parts_->rollouts) figure = {};
+  for (const RolloutFigure& each : rollouts) {
+    RolloutFigure& figure = parts_->rollouts[parts_->map_label(each.map)];
+    figure.share = std::max(figure.share, each.share);
+    figure.halted = figure.halted || each.halted;
+  }
+  for (const auto& [label, figure] : parts_->rollouts) {
+    parts_->gauge(Metric::kRolloutShare, {label}).Set(figure.share);
+    parts_->gauge(Metric::kRolloutHalted, {label}).Set(figure.halted ? 1.0 : 0.0);
+  }
+}
+void Metrics::rollout_answered(std::string_view map, std::string_view group,
+                               std::string_view status) {
+  parts_->counter(Metric::kRolloutAnswers, {parts_->map_label(map), group, status}).Increment();
 }
 
 void Metrics::set_jobs(std::string_view status, std::size_t count) {

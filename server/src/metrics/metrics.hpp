@@ -9,6 +9,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace stillmap::server {
 
@@ -67,6 +68,16 @@ class Metrics {
   void set_maps(std::size_t ready, std::size_t loading, std::size_t failed);
   void map_loaded(std::string_view map, double seconds);
   void map_load_failed(std::string_view map);
+
+  struct RolloutFigure {
+    std::string map;
+    double share = 0.0;
+    bool halted = false;
+  };
+  /// All that there are; maps that had one before are set to 0.
+  void set_rollouts(const std::vector<RolloutFigure>& rollouts);
+  /// @param group  `rollout` or `others`.
+  void rollout_answered(std::string_view map, std::string_view group, std::string_view status);
 
   /// @param status  `enqueued` or `processing`.
   void set_jobs(std::string_view status, std::size_t count);

@@ -18,7 +18,8 @@ constexpr std::size_t kMostAnswer = std::size_t{1} << 20U;
 
 class HttpSource final : public MirrorSource {
  public:
-  HttpSource(std::string url, const std::string& key) : url_(std::move(url)), client_(url_) {
+  HttpSource(std::string url, const std::string& key, std::string vehicle)
+      : url_(std::move(url)), vehicle_(std::move(vehicle)), client_(url_) {
     if (!client_.is_valid())
       throw std::invalid_argument("URL: '" + url_ + "', expected such as http://HOST:8080");
     if (!key.empty()) client_.set_bearer_token_auth(key);
@@ -28,7 +29,8 @@ class HttpSource final : public MirrorSource {
   }
 
   Active active(const std::string& map) override {
-    const std::string path = "/v1/maps/" + map;
+    std::string path = "/v1/maps/" + map;
+    if (!vehicle_.empty()) path = httplib::append_query_params(path, {{"vehicle", vehicle_}});
     const std::string body = whole(path);
     const auto json = nlohmann::json::parse(body, nullptr, false);
     const auto text = [&](const char* name) {
@@ -101,14 +103,15 @@ class HttpSource final : public MirrorSource {
     return fmt::format("status {}, {}", status, detail);
   }
 
-  std::string url_;
+  std::string url_, vehicle_;
   httplib::Client client_;
 };
 
 }  // namespace
 
-std::unique_ptr<MirrorSource> http_source(const std::string& url, const std::string& key) {
-  return std::make_unique<HttpSource>(url, key);
+std::unique_ptr<MirrorSource> http_source(const std::string& url, const std::string& key,
+                                          const std::string& vehicle) {
+  return std::make_unique<HttpSource>(url, key, vehicle);
 }
 
 }  // namespace stillmap::server

@@ -45,8 +45,10 @@ class MirrorSource {
 };
 
 /// A server of ours. @param url  such as http://HOST:8080. @param key  empty: none is sent.
+/// @param vehicle  label for which the version is asked; empty: none is told.
 /// @throws std::invalid_argument for another URL.
 [[nodiscard]] std::unique_ptr<MirrorSource> http_source(const std::string& url,
-                                                        const std::string& key);
+                                                        const std::string& key,
+                                                        const std::string& vehicle = {});
 
 }  // namespace stillmap::server

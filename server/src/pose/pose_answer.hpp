@@ -23,6 +23,10 @@ struct PoseAnswer {
   std::string map_version;
   std::string map_digest;
   std::string request_id;
+  /// Label of the vehicle that asked; empty when none was told.
+  std::string vehicle{};
+  /// Whether the request named the version, so that no roll-out chose it.
+  bool version_was_named = false;
   /// How far the stamp is ahead of the server's clock [s], when that is more than allowed.
   std::optional<double> clock_skew_s{};
   /// Of a session's scan: its id, and where the search started.

@@ -160,6 +160,13 @@ std::chrono::milliseconds checked_deadline(std::int64_t deadline_ms) {
   return std::chrono::milliseconds(deadline_ms);
 }
 
+bool is_label(std::string_view text) {
+  constexpr std::size_t kMostBytes = 64;
+  return !text.empty() && text.size() <= kMostBytes &&
+         std::all_of(text.begin(), text.end(),
+                     [](char byte) { return byte >= ' ' && byte <= '~'; });
+}
+
 std::int64_t read_integer(const std::string& path, std::string_view text) {
   std::int64_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);

@@ -82,6 +82,10 @@ void check_gnss(const GnssFix& fix, const std::string& path);
 /// @throws ApiError kInvalidRequest outside [1, kMaxDeadlineMs].
 [[nodiscard]] std::chrono::milliseconds checked_deadline(std::int64_t deadline_ms);
 
+/// Of a vehicle: 1 to 64 of printable ASCII. It is shown to people, and stands in no log.
+constexpr const char* kLabelRule = "1 to 64 of printable ASCII";
+[[nodiscard]] bool is_label(std::string_view text);
+
 /// Decimal int64. @throws ApiError kInvalidRequest.
 [[nodiscard]] std::int64_t read_integer(const std::string& path, std::string_view text);
 

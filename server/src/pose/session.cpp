@@ -12,9 +12,8 @@ namespace stillmap::server {
 namespace {
 
 /// 12 hex digits of the hash of 128 random bits: nobody finds these from them.
-Session::Name with_label(Session::Name name) {
-  if (name.label.empty()) name.label = maps::sha256_of(name.id).substr(0, 12);
-  return name;
+std::string shown_label(const Session::Name& name) {
+  return name.label.empty() ? maps::sha256_of(name.id).substr(0, 12) : name.label;
 }
 
 std::string status_event_json(const localization::TrackedPose& pose) {
@@ -34,7 +33,8 @@ std::string closed_event_json(const std::string& reason) {
 }  // namespace
 
 Session::Session(Name name, ServedVersion map, AlignmentQueue& queue)
-    : name_(with_label(std::move(name))),
+    : name_(std::move(name)),
+      shown_label_(shown_label(name_)),
       map_(std::move(map)),
       line_(queue),
       tracker_(map_.aligners->front().second, map_.localization.tracker) {
@@ -95,6 +95,12 @@ void Session::note_active_version(const std::string& version) {
   if (summary_.active_version == version) return;
   summary_.active_version = version;
   events_.add("version_activated", version_event_json(map_.map, version));
+}
+
+bool Session::lost_its_version(const std::string& version, const std::string& active) {
+  const std::scoped_lock lock(mutex_);
+  if (active == map_.version) name_.is_rolled_out = false;
+  return name_.is_rolled_out && version != map_.version;
 }
 
 void Session::close(const std::string& reason) {

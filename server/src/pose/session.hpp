@@ -30,8 +30,13 @@ class Session {
     std::string id{};
     /// Key that opened it, empty without keys.
     std::string owner{};
-    /// What operators see; empty = made from the id, which cannot be found from it.
+    /// What operators see, and what roll-outs know the vehicle by; empty = operators see one made
+    /// from the id, which cannot be found from it.
     std::string label{};
+    /// Whether whoever opened it named the version.
+    bool version_was_named = false;
+    /// Whether a roll-out chose the version.
+    bool is_rolled_out = false;
   };
   /// @param map  ready.
   Session(Name name, ServedVersion map, AlignmentQueue& queue);
@@ -40,7 +45,10 @@ class Session {
 
   [[nodiscard]] const std::string& id() const { return name_.id; }
   [[nodiscard]] const std::string& owner() const { return name_.owner; }
-  [[nodiscard]] const std::string& label() const { return name_.label; }
+  [[nodiscard]] const std::string& label() const { return shown_label_; }
+  /// As it was opened with; empty without one.
+  [[nodiscard]] const std::string& vehicle() const { return name_.label; }
+  [[nodiscard]] bool version_was_named() const { return name_.version_was_named; }
   [[nodiscard]] const ServedVersion& map() const { return map_; }
   [[nodiscard]] SessionLine& line() { return line_; }
   [[nodiscard]] SessionEvents& events() { return events_; }
@@ -60,7 +68,10 @@ class Session {
 
   /// The map serves this version now; one that differs from the last one noted becomes an event.
   void note_active_version(const std::string& version);
-  /// Ends scans that wait and streams. @param reason  `deleted` or `expired`.
+  /// Whether its version came with a roll-out that has ended otherwise than by its activation.
+  /// @param version  that the vehicle gets now. @param active  of the map.
+  [[nodiscard]] bool lost_its_version(const std::string& version, const std::string& active);
+  /// Ends scans that wait and streams. @param reason  `deleted`, `expired` or `rolled_back`.
   void close(const std::string& reason);
 
   /// Where the vehicle was last.
@@ -89,6 +100,7 @@ class Session {
 
  private:
   Name name_;
+  std::string shown_label_;
   ServedVersion map_;
   SessionLine line_;
   SessionEvents events_;

@@ -62,13 +62,12 @@ void SessionTable::require_room(const std::string& owner) const {
       .with_header("Retry-After", fmt::format("{}", std::max(1.0, std::ceil(left.count()))));
 }
 
-std::shared_ptr<Session> SessionTable::open(ServedVersion map, const std::string& owner,
-                                            const std::string& label) {
+std::shared_ptr<Session> SessionTable::open(ServedVersion map, Session::Name name) {
   expire();
   const std::scoped_lock lock(mutex_);
-  require_room(owner);
-  auto session = std::make_shared<Session>(
-      Session::Name{.id = random_id(), .owner = owner, .label = label}, std::move(map), queue_);
+  require_room(name.owner);
+  name.id = random_id();
+  auto session = std::make_shared<Session>(std::move(name), std::move(map), queue_);
   session->touch(now_());
   sessions_.emplace(session->id(), session);
   return session;
@@ -93,7 +92,8 @@ std::shared_ptr<Session> SessionTable::find(const std::string& id, const std::st
   return session;
 }
 
-void SessionTable::close(const std::string& id, const std::string& owner) {
+void SessionTable::close(const std::string& id, const std::string& owner,
+                         const std::string& reason) {
   std::shared_ptr<Session> session;
   {
     const std::scoped_lock lock(mutex_);
@@ -101,7 +101,7 @@ void SessionTable::close(const std::string& id, const std::string& owner) {
     session = found->second;
     sessions_.erase(found);
   }
-  session->close("deleted");
+  session->close(reason);
 }
 
 std::vector<std::shared_ptr<Session>> SessionTable::list(const std::optional<std::string>& owner) {

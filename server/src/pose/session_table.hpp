@@ -38,13 +38,13 @@ class SessionTable {
   SessionTable& operator=(const SessionTable&) = delete;
 
   /// @param map  ready. @throws ApiError kBusy or kTooManyRequests, with Retry-After.
-  /// @param label  as `Session::Name::label`.
-  std::shared_ptr<Session> open(ServedVersion map, const std::string& owner,
-                                const std::string& label = {});
+  /// @param name  its id is made here.
+  std::shared_ptr<Session> open(ServedVersion map, Session::Name name);
   /// Counts as use. @throws ApiError kUnknownSession.
   [[nodiscard]] std::shared_ptr<Session> find(const std::string& id, const std::string& owner);
   /// @throws ApiError kUnknownSession.
-  void close(const std::string& id, const std::string& owner);
+  void close(const std::string& id, const std::string& owner,
+             const std::string& reason = "deleted");
   /// The owner's, by id. @param owner  nothing: of all.
   [[nodiscard]] std::vector<std::shared_ptr<Session>> list(const std::optional<std::string>& owner);
   /// Sessions of all owners on a map.

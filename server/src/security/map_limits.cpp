@@ -18,7 +18,7 @@ namespace stillmap::server {
 bool may_use_map(const Caller& caller, std::string_view map) {
   return caller.maps.empty() ||
          std::any_of(caller.maps.begin(), caller.maps.end(),
-                     [&](const std::string& pattern) { return matches_map_pattern(map, pattern); });
+                     [&](const std::string& pattern) { return matches_pattern(map, pattern); });
 }
 
 void require_map(const Caller& caller, std::string_view map) {

@@ -108,7 +108,7 @@ bool is_map_pattern(std::string_view text) {
          text.find_first_not_of(kAllowed) == std::string_view::npos;
 }
 
-bool matches_map_pattern(std::string_view name, std::string_view pattern) {
+bool matches_pattern(std::string_view name, std::string_view pattern) {
   std::size_t at = 0;
   std::size_t in_pattern = 0;
   // Where the latest star was, and the first place behind what it stands for.

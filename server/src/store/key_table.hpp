@@ -38,7 +38,7 @@ inline constexpr std::size_t kMostMapPatterns = 32;
 [[nodiscard]] bool is_map_pattern(std::string_view text);
 /// Whether a name is what a pattern says: `*` stands for any text, also none, and everything else
 /// for itself.
-[[nodiscard]] bool matches_map_pattern(std::string_view name, std::string_view pattern);
+[[nodiscard]] bool matches_pattern(std::string_view name, std::string_view pattern);
 
 /// What is known of a key; never its secret.
 struct ApiKey {

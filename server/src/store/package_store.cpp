@@ -444,9 +444,16 @@ void PackageStore::remove_map(std::string_view map, WhenActive when_active) {
 std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::size_t count) {
   const FolderLock lock = locked();
   const StoredMap now = state_->map(map);
+  const std::vector<Rollout> rollouts = state_->rollouts().list();
+  const auto is_rolled_out = [&](const std::string& version) {
+    return std::any_of(rollouts.begin(), rollouts.end(), [&](const Rollout& each) {
+      return each.map == map && each.version == version;
+    });
+  };
   std::vector<std::string> others;
   for (const StoredVersion& version : state_->versions(map))
-    if (version.name != now.active && version.name != now.previous) others.push_back(version.name);
+    if (version.name != now.active && version.name != now.previous && !is_rolled_out(version.name))
+      others.push_back(version.name);
   others.resize(others.size() - std::min(count, others.size()));
   std::vector<std::string> removed;
   for (const std::string& version : others) {

@@ -57,6 +57,7 @@ class PackageStore {
   [[nodiscard]] JobTable& jobs() { return state_->jobs(); }
   [[nodiscard]] DriveTable& drives() { return state_->drives(); }
   [[nodiscard]] EditsTable& edits() { return state_->edits(); }
+  [[nodiscard]] RolloutTable& rollouts() { return state_->rollouts(); }
   [[nodiscard]] AuditLog& audit() { return state_->audit(); }
   [[nodiscard]] SignatureTable& signatures() { return state_->signatures(); }
   /// Why what is not needed any more still lies there; empty when it was cleared at opening.

@@ -15,7 +15,7 @@ constexpr std::int64_t kApplicationId = 0x53544d50;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`.
-constexpr std::array<const char*, 8> kSteps = {
+constexpr std::array<const char*, 9> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -184,6 +184,20 @@ CREATE TABLE signatures (
   key TEXT NOT NULL CHECK (length(key) = 64),
   signature TEXT NOT NULL CHECK (length(signature) = 128),
   PRIMARY KEY (map, package, key)
+) STRICT, WITHOUT ROWID;
+)",
+    R"(
+CREATE TABLE rollouts (
+  map TEXT PRIMARY KEY NOT NULL REFERENCES maps (name),
+  version TEXT NOT NULL,
+  share REAL NOT NULL CHECK (share BETWEEN 0 AND 1),
+  vehicles TEXT NOT NULL,
+  least_answers INTEGER NOT NULL,
+  most_rise REAL NOT NULL,
+  halted INTEGER NOT NULL CHECK (halted IN (0, 1)),
+  reason TEXT NOT NULL,
+  begun_ns INTEGER NOT NULL,
+  FOREIGN KEY (map, version) REFERENCES versions (map, name)
 ) STRICT, WITHOUT ROWID;
 )",
 };

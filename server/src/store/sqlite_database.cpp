@@ -155,6 +155,11 @@ SqliteStatement& SqliteStatement::bind(std::int64_t number) {
   return *this;
 }
 
+SqliteStatement& SqliteStatement::bind_real(double number) {
+  check(sqlite3_bind_double(statement_, ++bound_, number));
+  return *this;
+}
+
 SqliteStatement& SqliteStatement::bind(const std::optional<std::string>& text) {
   if (text) return bind(std::string_view(*text));
   check(sqlite3_bind_null(statement_, ++bound_));
@@ -186,6 +191,8 @@ std::optional<std::string> SqliteStatement::optional_text(int column) const {
 std::int64_t SqliteStatement::integer(int column) const {
   return sqlite3_column_int64(statement_, column);
 }
+
+double SqliteStatement::real(int column) const { return sqlite3_column_double(statement_, column); }
 
 std::optional<std::int64_t> SqliteStatement::optional_integer(int column) const {
   if (sqlite3_column_type(statement_, column) == SQLITE_NULL) return std::nullopt;

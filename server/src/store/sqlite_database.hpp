@@ -83,12 +83,14 @@ class SqliteStatement {
   SqliteStatement& bind(std::int64_t number);
   SqliteStatement& bind(const std::optional<std::int64_t>& number);
   SqliteStatement& bind(const std::optional<std::string>& text);
+  SqliteStatement& bind_real(double number);
   /// @return whether there is a row.
   bool step();
   /// Columns from 0.
   [[nodiscard]] std::string text(int column) const;
   [[nodiscard]] std::optional<std::string> optional_text(int column) const;
   [[nodiscard]] std::int64_t integer(int column) const;
+  [[nodiscard]] double real(int column) const;
   [[nodiscard]] std::optional<std::int64_t> optional_integer(int column) const;
 
  private:

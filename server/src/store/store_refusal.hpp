@@ -13,7 +13,7 @@ class StoreRefusal : public std::runtime_error {
     kUnknownMap,
     kUnknownVersion,
     kOtherDigest,    ///< a version of that name holds something else
-    kActive,         ///< the active version cannot be removed
+    kActive,         ///< the active version, or one that is rolled out, cannot be removed
     kNoPrevious,     ///< nothing to roll back to
     kOtherRevision,  ///< the map has changed since the caller looked
     kOverQuota,      ///< it would take more bytes than allowed

@@ -40,6 +40,8 @@ StoredMap point_to(SqliteDatabase& database, StoredMap map, const std::string& v
       .bind(version)
       .bind(now_ns ? *now_ns : unix_ns())
       .step();
+  // Completed, or compared with what is not active any more.
+  SqliteStatement(database, "DELETE FROM rollouts WHERE map = ?").bind(map.name).step();
   return map;
 }
 
@@ -67,6 +69,15 @@ void refuse_if_in_use(SqliteDatabase& database, std::string_view map) {
                       "SELECT id FROM jobs WHERE map = ? AND status IN ('enqueued', 'processing')");
   if (job.bind(map).step())
     throw StoreRefusal(Reason::kInUse, "job " + job.text(0) + " is for map " + in_quotes(map));
+}
+
+void refuse_if_rolled_out(SqliteDatabase& database, std::string_view map,
+                          std::string_view version) {
+  SqliteStatement row(database, "SELECT 1 FROM rollouts WHERE map = ? AND version = ?");
+  if (!row.bind(map).bind(version).step()) return;
+  throw StoreRefusal(Reason::kActive, "version " + in_quotes(version) + " of map " +
+                                          in_quotes(map) +
+                                          " is rolled out: end the roll-out first");
 }
 
 std::optional<std::string> retired_digest(SqliteDatabase& database, std::string_view map,
@@ -130,6 +141,7 @@ struct StoreState::Inner {
   DriveTable drives{database};
   EditsTable edits{database};
   SignatureTable signatures{database};
+  RolloutTable rollouts{database};
   AuditLog audit{database};
 };
 
@@ -146,12 +158,14 @@ JobTable& StoreState::jobs() { return inner_->jobs; }
 DriveTable& StoreState::drives() { return inner_->drives; }
 EditsTable& StoreState::edits() { return inner_->edits; }
 SignatureTable& StoreState::signatures() { return inner_->signatures; }
+RolloutTable& StoreState::rollouts() { return inner_->rollouts; }
 AuditLog& StoreState::audit() { return inner_->audit; }
 const KeyTable& StoreState::keys() const { return inner_->keys; }
 const JobTable& StoreState::jobs() const { return inner_->jobs; }
 const DriveTable& StoreState::drives() const { return inner_->drives; }
 const EditsTable& StoreState::edits() const { return inner_->edits; }
 const SignatureTable& StoreState::signatures() const { return inner_->signatures; }
+const RolloutTable& StoreState::rollouts() const { return inner_->rollouts; }
 const AuditLog& StoreState::audit() const { return inner_->audit; }
 
 const std::string& StoreState::read_only_because() const {
@@ -257,8 +271,9 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
          {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
           "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
           "INSERT OR REPLACE INTO retired_maps SELECT name, revision FROM maps WHERE name = ?",
-          "DELETE FROM versions WHERE map = ?", "DELETE FROM saved_edits WHERE map = ?",
-          "DELETE FROM activations WHERE map = ?", "DELETE FROM signatures WHERE map = ?",
+          "DELETE FROM rollouts WHERE map = ?", "DELETE FROM versions WHERE map = ?",
+          "DELETE FROM saved_edits WHERE map = ?", "DELETE FROM activations WHERE map = ?",
+          "DELETE FROM signatures WHERE map = ?",
           "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",
           "DELETE FROM drives WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
       SqliteStatement(database, sql).bind(name).step();
@@ -340,6 +355,7 @@ void StoreState::remove_version(std::string_view map, std::string_view version) 
     if (now.active == version)
       throw StoreRefusal(Reason::kActive, "version " + in_quotes(version) + " of map " +
                                               in_quotes(map) + " is active");
+    refuse_if_rolled_out(database, map, version);
     SqliteStatement(database, "UPDATE maps SET previous = NULL WHERE name = ? AND previous = ?")
         .bind(map)
         .bind(version)

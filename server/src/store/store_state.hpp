@@ -6,6 +6,7 @@
 #include "store/edits_table.hpp"
 #include "store/job_table.hpp"
 #include "store/key_table.hpp"
+#include "store/rollout_table.hpp"
 #include "store/signature_table.hpp"
 #include "store/store_quota.hpp"
 #include "store/store_refusal.hpp"
@@ -59,11 +60,11 @@ struct StoredMap {
 /// What removing a map does when one of its versions is active.
 enum class WhenActive : std::uint8_t { kRefuse, kRemove };
 
-/// Names, versions and active pointers of a store, and its keys, jobs, drives, saved corrections
-/// and audit log, in one database that outlives a power cut: what returned is kept. Knows nothing
-/// of packages on the disk. Safe from several threads, and several processes may have it open.
-/// Throws StorageError when the disk fails; a change has then not happened, or (a failed sync) may
-/// show after the next open.
+/// Names, versions and active pointers of a store, and its keys, jobs, drives, saved corrections,
+/// roll-outs and audit log, in one database that outlives a power cut: what returned is kept. Knows
+/// nothing of packages on the disk. Safe from several threads, and several processes may have it
+/// open. Throws StorageError when the disk fails; a change has then not happened, or (a failed
+/// sync) may show after the next open.
 class StoreState {
  public:
   /// Opens or makes it, and brings an older schema up to date. When the disk does not allow that,
@@ -131,22 +132,23 @@ class StoreState {
   /// kNotProcessing when the job is cancelled.
   bool add_version(std::string_view map, const StoredVersion& version, const StoreQuota& quota = {},
                    std::optional<std::int64_t> job = {});
-  /// What is active already stays so, with its revision.
+  /// What is active already stays so, with its revision. A roll-out of the map ends.
   /// @param revision  only when the map is still at it. @param now_ns  the clock's unless it is
   /// said. @return the map afterwards.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kOtherRevision.
   StoredMap activate(std::string_view map, std::string_view version,
                      std::optional<std::int64_t> revision = {},
                      std::optional<std::int64_t> now_ns = {});
-  /// Swaps the active version with the one before. @throws StoreRefusal kUnknownMap, kNoPrevious,
-  /// kOtherRevision.
+  /// Swaps the active version with the one before. A roll-out of the map ends. @throws StoreRefusal
+  /// kUnknownMap, kNoPrevious, kOtherRevision.
   StoredMap roll_back(std::string_view map, std::optional<std::int64_t> revision = {},
                       std::optional<std::int64_t> now_ns = {});
   /// The version that was active at a time. It may have been removed since.
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion when none was.
   [[nodiscard]] std::string active_at(std::string_view map, std::int64_t time_ns) const;
   /// A package that no version holds any more is noted as `condemned`.
-  /// @throws StoreRefusal kUnknownMap, kUnknownVersion, kActive.
+  /// @throws StoreRefusal kUnknownMap, kUnknownVersion; kActive for the active version and for one
+  /// that is rolled out.
   void remove_version(std::string_view map, std::string_view version);
 
   /// For what removes or revokes, which all of the tables do by themselves: on a full disk the room
@@ -176,12 +178,14 @@ class StoreState {
   [[nodiscard]] DriveTable& drives();
   [[nodiscard]] EditsTable& edits();
   [[nodiscard]] SignatureTable& signatures();
+  [[nodiscard]] RolloutTable& rollouts();
   [[nodiscard]] AuditLog& audit();
   [[nodiscard]] const KeyTable& keys() const;
   [[nodiscard]] const JobTable& jobs() const;
   [[nodiscard]] const DriveTable& drives() const;
   [[nodiscard]] const EditsTable& edits() const;
   [[nodiscard]] const SignatureTable& signatures() const;
+  [[nodiscard]] const RolloutTable& rollouts() const;
   [[nodiscard]] const AuditLog& audit() const;
 
   /// Writes it, as of one instant, into one new file, synced. Without drives, whose bytes are

@@ -56,7 +56,7 @@ TEST(MapPattern, StarStandsForAnyText) {
                                                         {"abcbcd", "a*bcd"},
                                                         {"", "*"},
                                                         {"a.b", "a.b"}})
-    EXPECT_TRUE(matches_map_pattern(name, pattern)) << name << " " << pattern;
+    EXPECT_TRUE(matches_pattern(name, pattern)) << name << " " << pattern;
   for (const auto& [name, pattern] :
        std::vector<std::pair<const char*, const char*>>{{"town", "tow"},
                                                         {"town", "own"},
@@ -67,9 +67,9 @@ TEST(MapPattern, StarStandsForAnyText) {
                                                         {"abcbc", "a*bcd"},
                                                         {"town", "t?wn"},
                                                         {"town", "[t]own"}})
-    EXPECT_FALSE(matches_map_pattern(name, pattern)) << name << " " << pattern;
+    EXPECT_FALSE(matches_pattern(name, pattern)) << name << " " << pattern;
   const std::string stars = "*a*a*a*a*a*a*a*a*a*a*a*a*a*a*a*b";
-  EXPECT_FALSE(matches_map_pattern(std::string(63, 'a'), stars)) << "and at once";
+  EXPECT_FALSE(matches_pattern(std::string(63, 'a'), stars)) << "and at once";
 }
 
 TEST_F(KeyTableTest, AKeyMayBeLimitedToMaps) {

@@ -40,6 +40,8 @@ void use_all(Metrics& metrics) {
   metrics.set_maps(1, 0, 0);
   metrics.map_loaded("town", 2.0);
   metrics.map_load_failed("depot");
+  metrics.set_rollouts({{.map = "town", .share = 0.1, .halted = false}});
+  metrics.rollout_answered("town", "others", "ok");
   metrics.set_jobs("enqueued", 1);
   metrics.job_ended("failed", 100.0);
   metrics.set_store_bytes(1000);

@@ -490,8 +490,8 @@ TEST_F(SessionTableTest, SessionsEndWhenTheyAreNotUsed) {
   const auto start = Session::Clock::now();
   SessionTable table({.most = 4, .idle = std::chrono::seconds(10)}, queue_,
                      [&] { return start + std::chrono::seconds(passed_s); });
-  const std::string used = table.open(map(), "")->id();
-  const std::shared_ptr<Session> idle = table.open(map(), "");
+  const std::string used = table.open(map(), {.owner = ""})->id();
+  const std::shared_ptr<Session> idle = table.open(map(), {.owner = ""});
   passed_s = 8;
   EXPECT_NO_THROW((void)table.find(used, ""));
   passed_s = 11;
@@ -504,7 +504,7 @@ TEST_F(SessionTableTest, SessionsEndWhenTheyAreNotUsed) {
 
 TEST_F(SessionTableTest, OnlyTheKeyThatOpenedOneFindsIt) {
   SessionTable table({}, queue_);
-  const std::string id = table.open(map(), "alice")->id();
+  const std::string id = table.open(map(), {.owner = "alice"})->id();
   EXPECT_THROW((void)table.find(id, "bob"), ApiError);
   EXPECT_THROW((void)table.find(id, ""), ApiError);
   EXPECT_THROW(table.close(id, "bob"), ApiError);
@@ -514,20 +514,20 @@ TEST_F(SessionTableTest, OnlyTheKeyThatOpenedOneFindsIt) {
 
 TEST_F(SessionTableTest, AKeyHoldsNoMoreThanItsShare) {
   SessionTable table({.most = 4, .client_share = 0.5}, queue_);
-  table.open(map(), "alice");
-  table.open(map(), "alice");
+  table.open(map(), {.owner = "alice"});
+  table.open(map(), {.owner = "alice"});
   try {
-    table.open(map(), "alice");
+    table.open(map(), {.owner = "alice"});
     FAIL() << "was opened";
   } catch (const ApiError& error) {
     EXPECT_EQ(error.code(), ErrorCode::kTooManyRequests);
   }
-  EXPECT_NO_THROW(table.open(map(), "bob"));
+  EXPECT_NO_THROW(table.open(map(), {.owner = "bob"}));
 }
 
 TEST_F(SessionTableTest, AnotherVersionOfTheMapBecomesAnEventOnce) {
   SessionTable table({}, queue_);
-  const std::shared_ptr<Session> session = table.open(map(), "");
+  const std::shared_ptr<Session> session = table.open(map(), {.owner = ""});
   session->note_active_version(session->map().version);
   EXPECT_TRUE(session->events().after(0, std::chrono::milliseconds(0)).events.empty());
   session->note_active_version("0123456789ab");

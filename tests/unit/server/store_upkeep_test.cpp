@@ -227,7 +227,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
       "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE audit_start; DROP TABLE job_drives;"
       "DROP TABLE drive_parts; DROP TABLE drives; DROP TABLE jobs; DROP TABLE keys;"
       "DROP TABLE retired; DROP TABLE retired_maps; DROP TABLE migrated; DROP TABLE package_files;"
-      "DROP TABLE activations; DROP TABLE signatures; PRAGMA user_version=1");
+      "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
   EXPECT_EQ(store.state().active_at("town", INT64_MAX), "1");
@@ -257,7 +257,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
           "ALTER TABLE audit DROP COLUMN source; ALTER TABLE keys DROP COLUMN maps;"
           "ALTER TABLE audit DROP COLUMN server_request_id; DROP TABLE migrated; DROP TABLE "
           "package_files;"
-          "DROP TABLE activations; DROP TABLE signatures; PRAGMA "
+          "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; PRAGMA "
           "user_version=3");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);
@@ -273,8 +273,10 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
 TEST_F(StoreUpkeepTest, RefusesToGoBackToAnOlderSchema) {
   { const PackageStore store(store_, calls_); }
   run_sql(store_ / "state.db", "PRAGMA user_version=99");
-  EXPECT_THAT([&] { const PackageStore store(store_, calls_); },
-              ThrowsSaying<maps::InputError>({"schema version 99", "at most " + std::to_string(schema_version()), "newer stillmap"}));
+  EXPECT_THAT(
+      [&] { const PackageStore store(store_, calls_); },
+      ThrowsSaying<maps::InputError>(
+          {"schema version 99", "at most " + std::to_string(schema_version()), "newer stillmap"}));
 }
 
 class ReadOnlyStoreTest : public StoreUpkeepTest {

@@ -14,6 +14,7 @@ import { DrivesSection } from './drives_section.js';
 import { stateOf, type MapRow, type Refused } from './facts.js';
 import { MapFacts } from './map_facts.js';
 import { MapJobs } from './map_jobs.js';
+import { RolloutSection, VehiclesSection } from './rollout_section.js';
 import { UnfinishedUploads } from './unfinished_uploads.js';
 import { VersionsSection } from './versions_section.js';
 
@@ -48,8 +49,10 @@ export function MapPage({ name }: { name: string }) {
       {versions.data !== undefined && (
         <VersionsSection map={name} list={versions.data.data} etag={versions.data.etag} onChange={reload} />
       )}
+      <RolloutSection map={name} active={active} etag={versions.data?.etag} onChange={reload} />
       <UnfinishedUploads map={name} />
       <DrivesSection map={name} />
+      <VehiclesSection map={name} />
       <MapJobs map={name} onEnd={reload} />
       {dialog === 'upload' && <UploadDialog map={name} onClose={close} />}
       {typeof dialog === 'object' && <UploadDialog map={name} chosen={dialog.chosen} onClose={close} />}

@@ -8,6 +8,7 @@ import { useLoad } from '../ui/load.js';
 import { Badge } from '../ui/parts.js';
 import { downloadPackage } from './download.js';
 import { changedOptions, type VersionRow } from './facts.js';
+import { RollOut } from './rollout_section.js';
 import { Activate, DeleteVersion, RollBack } from './version_dialogs.js';
 
 export interface VersionListData {
@@ -26,7 +27,7 @@ export interface VersionsProps {
 
 const kJobsAtOnce = 100;
 
-type Open = { what: 'activate' | 'delete'; version: string } | { what: 'rollback' };
+type Open = { what: 'activate' | 'delete' | 'rollout'; version: string } | { what: 'rollback' };
 
 /** A map's versions, newest first, with their actions. */
 export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
@@ -61,6 +62,7 @@ export function VersionsSection({ map, list, etag, onChange }: VersionsProps) {
         </div>
       )}
       {open?.what === 'activate' && <Activate {...dialog} version={open.version} active={list.version ?? undefined} failedJob={failedJobs.get(open.version)} />}
+      {open?.what === 'rollout' && <RollOut {...dialog} version={open.version} />}
       {open?.what === 'delete' && <DeleteVersion {...dialog} version={open.version} />}
       {open?.what === 'rollback' && (
         <RollBack {...dialog} version={list.previous_version ?? ''} active={list.version ?? undefined} />
@@ -130,6 +132,9 @@ function Row({ map, list, version, failedJob, onOpen }: RowProps) {
             <a class="button small" href={linkTo('compare', [map, list.version, name])} aria-label={`Compare ${name} with ${list.version}`}>
               <Icon name="compare" /> Compare
             </a>
+          )}
+          {list.version !== null && !version.active && (
+            <button type="button" class="small" onClick={() => onOpen({ what: 'rollout', version: name })} aria-label={`Roll out ${name}`}>Roll out</button>
           )}
           {!version.active && (
             <button type="button" class="small" onClick={() => onOpen({ what: 'activate', version: name })} aria-label={`Activate ${name}`}>Activate</button>

@@ -56,6 +56,10 @@ def _parameters(query: Query) -> Dict[str, Any]:
     return keys
 
 
+def _of_vehicle(vehicle: Optional[str]) -> Dict[str, str]:
+    return {} if vehicle is None else {"vehicle": vehicle}
+
+
 def _may_thin(query: Query) -> bool:
     """Which points lie in boxes is asked of the whole scan; other methods thin in their own way."""
     return not query.movable and query.method in (None, "default")
@@ -105,24 +109,27 @@ class Client:
     def localize(self, map: str, scan: Scan, prior: Optional[Prior] = None, *, version: Optional[str] = None,
                  layout: Optional[str] = None, gnss: Optional[Gnss] = None, stamp_ns: Optional[int] = None,
                  method: Optional[str] = None, deadline_ms: Optional[int] = None, T_base_lidar: Optional[Pose] = None,
-                 movable: Sequence[MovableBox] = ()) -> PoseAnswer:
+                 movable: Sequence[MovableBox] = (), vehicle: Optional[str] = None) -> PoseAnswer:
         """Where a scan was taken; the status is `lost` when that cannot be said. Without prior and gnss the whole
-        map is searched. @raises Problem, ConnectionLost, ValueError for what is no scan."""
+        map is searched. @param vehicle  label of the vehicle that asks: a roll-out may have another version for it.
+        @raises Problem, ConnectionLost, ValueError for what is no scan."""
         query = Query(scan, prior, layout, gnss, stamp_ns, method, T_base_lidar, movable)
-        return self._localize(map, version, query, deadline_ms, None).json(PoseAnswer.of)
+        return self._localize(map, version, query, deadline_ms, None, vehicle).json(PoseAnswer.of)
 
     def localize_geopose(self, map: str, scan: Scan, prior: Optional[Prior] = None, *, version: Optional[str] = None,
                          layout: Optional[str] = None, gnss: Optional[Gnss] = None, stamp_ns: Optional[int] = None,
                          method: Optional[str] = None, deadline_ms: Optional[int] = None,
-                         T_base_lidar: Optional[Pose] = None, movable: Sequence[MovableBox] = ()) -> GeoPose:
+                         T_base_lidar: Optional[Pose] = None, movable: Sequence[MovableBox] = (),
+                         vehicle: Optional[str] = None) -> GeoPose:
         """As `localize`, for maps with a place on the Earth.
         @raises Problem `NoPose` when the scan is lost, and `NotAcceptable` when the map has no place."""
         query = Query(scan, prior, layout, gnss, stamp_ns, method, T_base_lidar, movable)
-        response = self._localize(map, version, query, deadline_ms, GEOPOSE)
+        response = self._localize(map, version, query, deadline_ms, GEOPOSE, vehicle)
         return response.json(lambda json: GeoPose.of(json, response.headers))
 
     def localize_batch(self, map: str, queries: Sequence[Query], *, version: Optional[str] = None,
-                       deadline_ms: Optional[int] = None) -> List[Union[PoseAnswer, Problem]]:
+                       deadline_ms: Optional[int] = None,
+                       vehicle: Optional[str] = None) -> List[Union[PoseAnswer, Problem]]:
         """Several scans in one request. @return for each, in their order, its answer or why it was refused."""
         def read(json: Any) -> List[Union[PoseAnswer, Problem]]:
             return [PoseAnswer.of(each["answer"]) if each["status"] == 200
@@ -138,13 +145,14 @@ class Client:
             if deadline_ms is not None:
                 request["deadline_ms"] = deadline_ms
             body, headers = multipart(request, scans)
-            return self._transport.call("POST", _place(map, version) + "/localize/batch", body=body, headers=headers,
+            return self._transport.call("POST", _place(map, version) + "/localize/batch", query=_of_vehicle(vehicle),
+                                        body=body, headers=headers,
                                         timeout_s=self._transport.patience_s(deadline_ms)).json(read)
 
         return self.thinning.or_whole(True, send, _is_thin_refused)
 
     def _localize(self, map: str, version: Optional[str], query: Query, deadline_ms: Optional[int],
-                  accept: Optional[str]) -> Response:
+                  accept: Optional[str], vehicle: Optional[str]) -> Response:
         prior, gnss = query.prior, query.gnss
         flat: Dict[str, str] = {}
         keys: Dict[str, Any] = {}
@@ -165,6 +173,7 @@ class Client:
             parameters, body, headers = scan_request(query.scan, query.layout, thinning, flat, keys)
             if accept is not None:
                 headers["Accept"] = accept
+            parameters = {**parameters, **_of_vehicle(vehicle)}
             return self._transport.call("POST", _place(map, version) + "/localize", query=parameters, body=body,
                                         headers=headers, timeout_s=self._transport.patience_s(deadline_ms))
 
@@ -173,7 +182,8 @@ class Client:
     def open_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
                      gnss: Optional[Gnss] = None, label: Optional[str] = None,
                      retries: Optional[int] = None) -> Session:
-        """Follows one vehicle. A prior needs its sigma or covariance. @param label  what operators see."""
+        """Follows one vehicle. A prior needs its sigma or covariance. @param label  what operators see, and by which
+        roll-outs know the vehicle."""
         wanted: Dict[str, Any] = {"map": map}
         for name, value in (("version", version), ("label", label), ("prior", prior and prior.to_json()),
                             ("gnss", gnss and gnss.to_json())):
@@ -252,12 +262,13 @@ class Client:
         query = {"from": from_digest} if from_digest else None
         return self._download(_place(map, version) + "/content", query, pathlib.Path(path))
 
-    def mirror(self, map: str, folder: Path) -> Mirrored:
+    def mirror(self, map: str, folder: Path, *, vehicle: Optional[str] = None) -> Mirrored:
         """Keeps a copy of the version that the server serves as FOLDER/current, a map package that other programs may
         read meanwhile. Fetches only files that the copy before does not have; each is compared with its SHA-256. Call
-        it again after an interruption, or to follow the server. @raises DownloadChanged for bytes that are not what
+        it again after an interruption, or to follow the server. @param vehicle  label of the vehicle that asks: a
+        roll-out may have another version for it. @raises DownloadChanged for bytes that are not what
         the version's digest says; ValueError for a package with paths outside itself."""
-        info = self.map(map)
+        info = self._transport.call("GET", f"/v1/maps/{map}", query=_of_vehicle(vehicle)).json(MapInfo.of)
         if info.version is None:
             raise ValueError(f"map {map!r}: no version is active; activate one")
         place = _place(map, info.version)
