@@ -174,7 +174,7 @@ void MapCatalog::require_one_frame(const ServedVersion& present, const ServedVer
 }
 
 Rollout MapCatalog::put_rollout(const Rollout& rollout) {
-  (void)store_.state().version(rollout.map, rollout.version);
+  store_.require_signed(rollout.map, rollout.version);
   const ServedVersion present = find(rollout.map);
   const ServedVersion next = open({rollout.map, rollout.version}).served;
   if (!next.package)

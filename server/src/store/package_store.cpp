@@ -441,19 +441,21 @@ void PackageStore::remove_map(std::string_view map, WhenActive when_active) {
   clear_condemned_if_possible();
 }
 
+/// Whether it is active, the one to roll back to, or rolled out.
+bool PackageStore::is_in_use(const StoredMap& map, const std::string& version) const {
+  if (version == map.active || version == map.previous) return true;
+  const std::vector<Rollout> rollouts = state_->rollouts().list();
+  return std::ranges::any_of(rollouts, [&](const Rollout& each) {
+    return each.map == map.name && each.version == version;
+  });
+}
+
 std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::size_t count) {
   const FolderLock lock = locked();
   const StoredMap now = state_->map(map);
-  const std::vector<Rollout> rollouts = state_->rollouts().list();
-  const auto is_rolled_out = [&](const std::string& version) {
-    return std::any_of(rollouts.begin(), rollouts.end(), [&](const Rollout& each) {
-      return each.map == map && each.version == version;
-    });
-  };
   std::vector<std::string> others;
   for (const StoredVersion& version : state_->versions(map))
-    if (version.name != now.active && version.name != now.previous && !is_rolled_out(version.name))
-      others.push_back(version.name);
+    if (!is_in_use(now, version.name)) others.push_back(version.name);
   others.resize(others.size() - std::min(count, others.size()));
   std::vector<std::string> removed;
   for (const std::string& version : others) {
@@ -473,8 +475,7 @@ void PackageStore::drop_derived(std::int64_t not_since_ns) {
   std::set<std::string> used, others;
   for (const StoredMap& map : state_->maps())
     for (const StoredVersion& version : state_->versions(map.name))
-      (version.name == map.active || version.name == map.previous ? used : others)
-          .insert(version.digest);
+      (is_in_use(map, version.name) ? used : others).insert(version.digest);
   const DurableFiles files(*calls_);
   for (const std::string& digest : others) {
     if (used.contains(digest)) continue;

@@ -159,8 +159,8 @@ class PackageStore {
   /// the others. @return those removed, oldest first. @throws StoreRefusal kUnknownMap.
   std::vector<std::string> keep_newest(std::string_view map, std::size_t count);
 
-  /// Removes what was made of packages (indexes, levels of detail) of which no version is active or
-  /// the one to roll back to, and that nobody has read since a time.
+  /// Removes what was made of packages (indexes, levels of detail) of which no version is active,
+  /// the one to roll back to or rolled out, and that nobody has read since a time.
   void drop_derived(std::int64_t not_since_ns);
 
   // The rest is for backups (store_backup.hpp), checks and cleaning (store_upkeep.hpp).
@@ -183,6 +183,7 @@ class PackageStore {
   void open_read_only(const maps::StorageError& reason);
   [[nodiscard]] bool find_whole(std::string_view map, StoredVersion& version) const;
   void note_files();
+  [[nodiscard]] bool is_in_use(const StoredMap& map, const std::string& version) const;
   /// @param version  with the signatures that come with it, or without. @throws StoreRefusal.
   void require_trust(std::string_view map, const StoredVersion& version) const;
   Added commit(std::string_view map, const StoredVersion& version,
