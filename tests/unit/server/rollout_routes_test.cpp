@@ -211,6 +211,42 @@ TEST_F(RolloutRoutes, SessionsOfTheGroupGoOnWhenItIsCompleted) {
   ask(session_scan(session, 3));
 }
 
+TEST_F(RolloutRoutes, OtherServersOfTheStoreFollow) {
+  PackageStore store(store_.folder().path());
+  MapCatalog other(store, [this](const maps::MapPackage&, const auto&) {
+    return Aligners{{"default", aligner_}};
+  });
+  const auto wait_for = [&](const std::string& version) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (other.find_for("town", "a").version != version) {
+      ASSERT_LT(std::chrono::steady_clock::now(), end);
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  };
+  roll_out({{"version", "v2"}, {"share", 1.0}});
+  wait_for("v2");
+  other.halt_rollout(*other.rollout("town"), "as the other server found");
+  while (shown(kRollout)["state"] != "halted")
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_EQ(version_for("a"), "v1");
+  roll_out({{"version", "v2"}, {"share", 1.0}});
+  wait_for("v2");
+  ask(request("DELETE", kRollout), 204);
+  wait_for("v1");
+}
+
+TEST_F(RolloutRoutes, ItsVersionStaysLoaded) {
+  roll_out({{"version", "v2"}, {"share", 1.0}});
+  for (int n = 4; n <= 9; ++n) add("v" + std::to_string(n), n, {});
+  // Twice what is kept open; the store is looked at once a second.
+  for (int round = 0; round < 3; ++round) {
+    for (int n = 4; n <= 9; ++n) shown("/v1/maps/town/versions/v" + std::to_string(n));
+    std::this_thread::sleep_for(std::chrono::milliseconds(600));
+  }
+  EXPECT_EQ(shown("/v1/maps/town/versions")["versions"].size(), 9U);
+  EXPECT_EQ(shown(kRollout)["version_state"], "ready");
+}
+
 TEST_F(RolloutRoutes, VehiclesAreListed) {
   roll_out({{"version", "v2"}, {"vehicles", {"b"}}});
   for (const char* vehicle : {"b", "a", "b"}) version_for(vehicle);
