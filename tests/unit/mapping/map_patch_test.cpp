@@ -103,8 +103,8 @@ class MapPatchTest : public ::testing::Test {
   }
   static std::uint64_t bytes_in(const fs::path& package) {
     std::uint64_t bytes = 0;
-    for (const auto& [path, file] : maps::MapPackage::open(package)->manifest().files)
-      bytes += file.bytes;
+    const auto opened = maps::MapPackage::open(package);
+    for (const auto& [path, file] : opened->manifest().files) bytes += file.bytes;
     return bytes;
   }
   static Eigen::AlignedBox3d around(const test::SyntheticWorld::Box& house) {
