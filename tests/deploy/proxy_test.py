@@ -43,7 +43,7 @@ POSES = {("POST", f"/v1/maps/{{map}}/{what}") for what in (
     "localize", "localize/batch", "versions/{version}/localize", "versions/{version}/localize/batch", "tiles/diff")}
 READS = {("GET", f"/v1/maps/{{map}}/{what}") for what in (
     "ready", "rollout", "stats", "vehicles", "versions", "versions/{version}", "versions/{version}/content", "versions/{version}/delta",
-    "versions/{version}/files/{checksum}", "versions/{version}/preview",
+    "versions/{version}/files/{checksum}", "versions/{version}/preview", "versions/{version}/signatures",
     "versions/{version}/trajectory", "versions/{version}/graph", "versions/{version}/layers/{layer}",
     "versions/{version}/layers/{layer}/{band}", "versions/{version}/objects", "versions/{version}/tiles",
     "versions/{version}/tiles/{level}/{x}/{y}",
