@@ -71,7 +71,11 @@ class MapClient:
         if kind == "add":
             package = random.choice(self.packages)
             version = random.choice(names) if names and random.random() < 0.2 else f"v{random.randrange(100)}"
-            return ("add", version, package.digest), ("PUT", f"{base}/versions/{version}", package.tar, package.headers)
+            tar, headers = package.tar, package.headers
+            others = [each for each in self.packages if each.digest in model.versions.values()]
+            if others and random.random() < 0.5:
+                tar, headers = package.beside(random.choice(others))
+            return ("add", version, package.digest), ("PUT", f"{base}/versions/{version}", tar, headers)
         if kind == "roll_back":
             return ("roll_back",), ("POST", f"{base}/rollback?new_frame=true", None, self.matching(random))
         version = random.choice(names)

@@ -22,7 +22,7 @@ from faults import Injector, KILLED
 from serving import LOCALIZE, Server, leftovers, make_key, make_packages, run, tar_of, upload_drive
 
 # What a migration may change besides the packages.
-CHANGED_TABLES = ("versions", "migrated", "condemned")
+CHANGED_TABLES = ("versions", "migrated", "condemned", "package_files")
 
 
 class Wrong(Exception):

@@ -253,6 +253,13 @@ bool run_seed(unsigned seed, const fs::path& results) {
   fs::create_directory(recorded);
   for (int source = 1; source <= kSources; ++source)
     write_package(sources / std::to_string(source), source);
+  // The last three are a map and patches of it, which share files.
+  write_patched_packages(folder.path() / "patched");
+  for (int patch = 0; patch < 3; ++patch) {
+    const fs::path source = sources / std::to_string(kSources - 2 + patch);
+    fs::remove_all(source);
+    fs::rename(folder.path() / "patched" / std::to_string(patch), source);
+  }
   const Recording recording = RandomLife(seed, sources, recorded).live();
   const auto cut = [&](std::optional<Kind> forgotten) {
     return cut_everywhere(recording, recorded, sources / "2", seed, forgotten);

@@ -18,14 +18,23 @@ class Package:
 
     def __init__(self, folder):
         self.folder = folder
-        self.digest = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+        manifest = (folder / "manifest.json").read_bytes()
+        self.digest = hashlib.sha256(manifest).hexdigest()
+        self.files = {path: file["sha256"] for path, file in json.loads(manifest)["files"].items()}
+        self.tar, self.headers = self._packed([str(file.relative_to(folder)) for file in sorted(folder.rglob("*"))])
+
+    def beside(self, other):
+        """The same without what another package has: tar and headers."""
+        known = set(other.files.values())
+        return self._packed(["manifest.json", *(path for path, sha256 in self.files.items() if sha256 not in known)])
+
+    def _packed(self, paths):
         buffer = io.BytesIO()
         with tarfile.open(fileobj=buffer, mode="w") as tar:
-            for file in sorted(folder.rglob("*")):
-                if file.is_file():
-                    tar.add(file, arcname=str(file.relative_to(folder)))
-        self.tar = buffer.getvalue()
-        self.headers = {"Content-Type": "application/x-tar", **digest_header(self.tar)}
+            for path in paths:
+                if (self.folder / path).is_file():
+                    tar.add(self.folder / path, arcname=path)
+        return buffer.getvalue(), {"Content-Type": "application/x-tar", **digest_header(buffer.getvalue())}
 
 
 def make_packages(maker, folder, count, schema=2):

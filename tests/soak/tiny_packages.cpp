@@ -1,5 +1,7 @@
 // Writes small maps of one street, each with another digest, a scan of it and a drive through it:
-// what the soak tests publish, ask and rebuild.
+// what the soak tests publish, ask and rebuild. Of schema 2 every second map is a patch of the one
+// before, with which it shares files; of every fourth more than half of the tiles are new, so that
+// the others are written again.
 //
 // usage: tiny_packages FOLDER COUNT      makes FOLDER/1 ... FOLDER/COUNT, FOLDER/scan.bin, seen
 // from (60, 0, 1.8), and FOLDER/drive
@@ -16,6 +18,9 @@
 #include <fstream>
 #include <iostream>
 #include <map>
+#include <memory>
+#include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,7 +35,9 @@ stillmap::test::ScanPattern pattern(std::uint64_t seed) {
   return {.rings = 32, .columns = 360, .noise_m = 0.02, .seed = seed};
 }
 
-void write_package(const fs::path& target, int seed, int schema) {
+/// @param before  what it is a patch of; nothing: it is a map of its own.
+void write_package(const fs::path& target, int seed, int schema,
+                   const std::optional<fs::path>& before) {
   std::vector<Eigen::Isometry3d> poses;
   for (double x = 50.0; x <= 70.0; x += 2.5) poses.push_back(pose_at(x, 0.0, 0.0));
   const std::vector<Eigen::Vector3d> points = stillmap::test::street(21).mapped_from(
@@ -50,6 +57,15 @@ void write_package(const fs::path& target, int seed, int schema) {
                                                  .object = 0});
   }
   maps::MapPackageWriter writer(target, {}, schema);
+  std::shared_ptr<const maps::MapPackage> patched;
+  if (before) {
+    const std::size_t most = seed % 4 == 0 ? tiles.size() - 1 : 1;
+    while (tiles.size() > most) tiles.erase(tiles.begin());
+    std::set<maps::TileId> changed;
+    for (const auto& [id, tile] : tiles) changed.insert({0, id.first, id.second});
+    patched = maps::MapPackage::open(*before);
+    writer.take_over(*patched, changed);
+  }
   for (const auto& [id, tile] : tiles)
     writer.add_tile({.level = 0, .x = id.first, .y = id.second}, tile);
   std::vector<maps::StampedPose> drive;
@@ -98,8 +114,12 @@ int main(int count, char** arguments) {
   try {
     const fs::path folder = arguments[1];
     fs::create_directories(folder);
-    for (int seed = 1; seed <= std::stoi(arguments[2]); ++seed)
-      write_package(folder / std::to_string(seed), seed, std::stoi(arguments[3]));
+    const int schema = std::stoi(arguments[3]);
+    for (int seed = 1; seed <= std::stoi(arguments[2]); ++seed) {
+      const bool is_patch = schema == 2 && seed % 2 == 0;
+      write_package(folder / std::to_string(seed), seed, schema,
+                    is_patch ? std::optional(folder / std::to_string(seed - 1)) : std::nullopt);
+    }
     write_scan(folder / "scan.bin", pose_at(60.0, 0.0, 0.0), 7);
     write_drive(folder / "drive");
   } catch (const std::exception& error) {
