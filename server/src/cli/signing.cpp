@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "command_line/option_value.hpp"
 #include "command_line/result_output.hpp"
+#include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
 #include "commands.hpp"
 #include "signing/map_signature.hpp"

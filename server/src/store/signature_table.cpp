@@ -1,5 +1,6 @@
 #include "store/signature_table.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 
@@ -28,7 +29,12 @@ std::vector<MapSignature> SignatureTable::of(std::string_view map, std::string_v
 
 void SignatureTable::add(std::string_view map, std::string_view digest,
                          const std::vector<MapSignature>& signatures) {
-  if (signatures.empty()) return;
+  // A mirror says the same again and again.
+  const std::vector<MapSignature> known = of(map, digest);
+  const auto is_known = [&](const MapSignature& each) {
+    return std::find(known.begin(), known.end(), each) != known.end();
+  };
+  if (std::all_of(signatures.begin(), signatures.end(), is_known)) return;
   for (const MapSignature& each : signatures)
     if (!is_signature_of(each, map, digest))
       throw std::invalid_argument("signature by " + each.key + ": not of map '" + std::string(map) +
