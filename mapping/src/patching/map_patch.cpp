@@ -188,6 +188,7 @@ class Patch {
           tell("seams", ++done, in_order_.size());
         },
         cancel_);
+    std::ranges::sort(fits, {}, [](const SeamFit& each) { return each.middle.x(); });
     result_.seams = fits.size();
     std::size_t broken = 0;
     Eigen::Vector3d worst_off_m = Eigen::Vector3d::Zero();

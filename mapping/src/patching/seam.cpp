@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <ranges>
 #include <utility>
 #include <vector>
 
@@ -67,6 +68,7 @@ struct Square {
 };
 using Squares = std::map<std::pair<int, int>, Square>;
 
+/// What the squares tell.
 struct Told {
   Eigen::Matrix3d inverse = Eigen::Matrix3d::Zero(), directions = Eigen::Matrix3d::Zero();
 };
@@ -136,7 +138,11 @@ Eigen::Vector3d shared_shift_m(const SeamFit& place, std::span<const SeamFit> fi
   if (place.sure_m() == 0.0) return Eigen::Vector3d::Zero();
   const Eigen::Vector3d along = place.off_m.normalized();
   std::vector<double> off_m;
-  for (const SeamFit& each : fits) {
+  const auto x_of = [](const SeamFit& each) { return each.middle.x(); };
+  const auto near =
+      std::ranges::subrange(std::ranges::lower_bound(fits, place.middle.x() - kNearM, {}, x_of),
+                            std::ranges::upper_bound(fits, place.middle.x() + kNearM, {}, x_of));
+  for (const SeamFit& each : near) {
     if ((each.middle - place.middle).norm() > kNearM || each.sigma_m > kMostSigmaM) continue;
     if (along.dot(each.told * along) >= kLeastTold) off_m.push_back(along.dot(each.off_m));
   }

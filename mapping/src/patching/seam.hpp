@@ -41,7 +41,7 @@ struct SeamFit {
 /// What the new surfaces are off by around a place: what is sure there, and not more than the
 /// median of the places within 15 m that tell of this direction to a centimetre. Wrong poses move
 /// all that is near; a hedge that is seen from another side moves alone.
-/// @param fits  with `middle` in one frame. @return 0 where no second place tells of it [m].
+/// @param fits  by `middle.x()`, in one frame. @return 0 where no second place tells of it [m].
 [[nodiscard]] Eigen::Vector3d shared_shift_m(const SeamFit& place, std::span<const SeamFit> fits);
 
 }  // namespace stillmap::mapping

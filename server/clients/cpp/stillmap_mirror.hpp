@@ -1,6 +1,8 @@
 #pragma once
 
+#include <fcntl.h>
 #include <openssl/evp.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -62,6 +64,14 @@ inline std::filesystem::path checked_path(const std::string& text) {
   return path;
 }
 
+/// Makes a file, or the names in a folder, last.
+inline void sync(const std::filesystem::path& path) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool is_synced = descriptor >= 0 && ::fsync(descriptor) == 0;
+  if (descriptor >= 0) ::close(descriptor);
+  if (!is_synced) throw Error(path.string() + ": cannot be synced: look at the disk");
+}
+
 /// Fetches one version into a folder beside others.
 class VersionFetch {
  public:
@@ -74,7 +84,10 @@ class VersionFetch {
     take(map_.digest, incoming_ / "manifest.json");
     std::map<std::string, std::filesystem::path> known;
     for (const auto& [path, sha256] : files_in(before)) known.emplace(sha256, before / path);
-    for (const auto& [path, sha256] : files_in(incoming_)) {
+    const auto wanted = files_in(incoming_);
+    if (wanted.empty())
+      throw Error(map_.digest + ": found a manifest without files: this is no map package");
+    for (const auto& [path, sha256] : wanted) {
       const std::filesystem::path target = incoming_ / path;
       std::filesystem::create_directories(target.parent_path());
       const auto old = known.find(sha256);
@@ -86,7 +99,12 @@ class VersionFetch {
       }
       take(sha256, target);
     }
+    // What has a package's name is whole, also after a power cut.
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(incoming_))
+      sync(entry.path());
+    sync(incoming_);
     std::filesystem::rename(incoming_, incoming_.parent_path() / map_.digest);
+    sync(incoming_.parent_path());
     return fetched_;
   }
 
@@ -108,7 +126,8 @@ class VersionFetch {
     const auto json = nlohmann::json::parse(in, nullptr, /*allow_exceptions=*/false);
     if (!json.is_object() || !json.contains("files")) return files;
     for (const auto& [path, file] : json["files"].items())
-      files.emplace(checked_path(path), file.at("sha256").get<std::string>());
+      if (file.is_object() && file.contains("sha256") && file["sha256"].is_string())
+        files.emplace(checked_path(path), file["sha256"].get<std::string>());
     return files;
   }
 
@@ -123,7 +142,8 @@ class VersionFetch {
 /// Keeps a copy of the version that a server serves as FOLDER/current, a map package that other
 /// programs may read meanwhile. Fetches only files that the copy before does not have; each is
 /// compared with its SHA-256. Call it again after an interruption, or to follow the server. The
-/// version before stays too.
+/// version before stays too. No signature is checked: for that there is `stillmap mirror
+/// --trusted`.
 /// @param vehicle  as in `Client::active`.
 /// @throws Problem, ConnectionLost; Error for bytes that are not what the version's digest says.
 inline Mirrored mirror(Client& client, const std::string& map, const std::filesystem::path& folder,
@@ -143,6 +163,7 @@ inline Mirrored mirror(Client& client, const std::string& map, const std::filesy
   fs::remove(folder / "current.new");
   fs::create_directory_symlink(digest, folder / "current.new");
   fs::rename(folder / "current.new", folder / "current");
+  detail::sync(folder);
   for (const auto& entry : fs::directory_iterator(folder))
     if (!entry.is_symlink() && entry.is_directory() && entry.path().filename() != digest &&
         entry.path().filename() != before)

@@ -174,6 +174,7 @@ void MapCatalog::require_one_frame(const ServedVersion& present, const ServedVer
 }
 
 Rollout MapCatalog::put_rollout(const Rollout& rollout) {
+  (void)store_.state().version(rollout.map, rollout.version);
   store_.require_signed(rollout.map, rollout.version);
   const ServedVersion present = find(rollout.map);
   const ServedVersion next = open({rollout.map, rollout.version}).served;
@@ -346,10 +347,9 @@ void MapCatalog::notice_replaced() {
   }
 }
 
-/// Why a version is not trusted; empty when it is.
-std::string MapCatalog::distrust_of(const Key& key) const {
+std::string MapCatalog::distrust_of(std::string_view map, std::string_view version) const {
   try {
-    store_.require_signed(key.first, key.second);
+    store_.require_signed(map, version);
     return {};
   } catch (const StoreRefusal& refusal) {
     return refusal.reason() == StoreRefusal::Reason::kNotSigned ? refusal.what() : "";
@@ -364,7 +364,7 @@ void MapCatalog::notice_trust() {
     for (const auto& [key, slot] : slots_) open.push_back(key);
   }
   for (const Key& key : open) {
-    const std::string why = distrust_of(key);
+    const std::string why = distrust_of(key.first, key.second);
     const std::scoped_lock lock(mutex_);
     const auto found = slots_.find(key);
     if (found == slots_.end() || found->second.is_untrusted == !why.empty()) continue;

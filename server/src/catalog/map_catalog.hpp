@@ -137,6 +137,9 @@ class MapCatalog {
   [[nodiscard]] std::optional<Rollout> rollout(std::string_view map) const;
   /// Sorted by map.
   [[nodiscard]] std::vector<Rollout> rollouts() const;
+  /// Why no trusted key has signed a version; empty when one has, when none needs to, and for a
+  /// version that is gone.
+  [[nodiscard]] std::string distrust_of(std::string_view map, std::string_view version) const;
   /// Whether two versions are known to be in one map frame: the same, registered to one another
   /// (over others), or at one place on Earth. @param a, b  of one map, both open.
   [[nodiscard]] bool in_one_frame(const ServedVersion& a, const ServedVersion& b) const;
@@ -166,7 +169,6 @@ class MapCatalog {
   void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
   void notice_replaced();
   void notice_trust();
-  [[nodiscard]] std::string distrust_of(const Key& key) const;
   [[nodiscard]] std::string shown(const std::exception& error) const;
   [[nodiscard]] Slot opened(const Key& key) const;
   Slot open(const Key& key);

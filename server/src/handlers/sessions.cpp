@@ -37,21 +37,24 @@ class SessionStream final : public EventSource {
     return to_stream(read);
   }
 
-  /// Whoever opened it would get this one now.
-  static std::string version_now(const Session& session, const MapCatalog& catalog) {
-    const bool is_chosen = !session.version_was_named();
-    return catalog.find_for(session.map().map, is_chosen ? session.vehicle() : "").version;
+  /// What a vehicle gets now that names no version; nothing where no version is active, the active
+  /// one is broken or the map is gone: then a session keeps its own.
+  static std::optional<std::string> version_now(const MapCatalog& catalog, const std::string& map,
+                                                const std::string& vehicle) {
+    try {
+      return catalog.find_for(map, vehicle).version;
+    } catch (const ApiError&) {
+      return std::nullopt;
+    } catch (const StoreRefusal&) {
+      return std::nullopt;
+    }
   }
   /// A session that is told of its map's new version whenever somebody looks needs no listener in
   /// the catalogue.
   static void note_version(Session& session, const MapCatalog& catalog) {
-    try {
-      session.note_active_version(version_now(session, catalog));
-    } catch (const ApiError&) {
-      // No version is active, or the active one is broken; the session keeps its own.
-    } catch (const StoreRefusal&) {
-      // The map is gone; the session keeps its version.
-    }
+    const std::string vehicle = session.version_was_named() ? "" : session.vehicle();
+    if (const auto version = version_now(catalog, session.map().map, vehicle))
+      session.note_active_version(*version);
   }
 
  private:
@@ -125,12 +128,16 @@ AlignmentQueue::Ticket enter(const Context& context, const HttpRequest& request,
   }
 }
 
-/// Else a vehicle would stay in a halted version as long as it drives.
+/// Else a vehicle would stay in a version that was halted, or that nobody trusts any more, as long
+/// as it drives.
 void require_version(const Context& context, const std::shared_ptr<Session>& session) {
-  if (session->version_was_named() || session->vehicle().empty()) return;
   const std::string& map = session->map().map;
-  const std::string version = SessionStream::version_now(*session, context.catalog);
-  if (!session->lost_its_version(version, context.catalog.find_for(map, {}).version)) return;
+  if (const std::string why = context.catalog.distrust_of(map, session->map().version);
+      !why.empty())
+    throw ApiError(ErrorCode::kNotSigned, why);
+  const auto version = SessionStream::version_now(context.catalog, map, session->vehicle());
+  const auto active = SessionStream::version_now(context.catalog, map, {});
+  if (!version || !active || !session->lost_its_version(*version, *active)) return;
   context.sessions.close(session->id(), session->owner(), "rolled_back");
   throw ApiError(ErrorCode::kUnknownSession,
                  "the roll-out of version '" + session->map().version + "' of map '" + map +

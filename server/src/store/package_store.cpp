@@ -161,13 +161,19 @@ void PackageStore::set_trust(const std::optional<PublicKeys>& keys) {
 }
 
 void PackageStore::require_signed(std::string_view map, std::string_view version) const {
-  require_trust(map, state_->version(map, version));
+  // Asked with each scan of a session.
+  if (trust()) require_trust(map, state_->version(map, version));
+}
+
+std::optional<PublicKeys> PackageStore::trust() const {
+  const std::scoped_lock lock(trust_mutex_);
+  return trust_;
 }
 
 void PackageStore::require_trust(std::string_view map, const StoredVersion& version) const {
-  const std::scoped_lock lock(trust_mutex_);
-  if (!trust_ || is_signed_by(*trust_, version.signatures, map, version.digest) ||
-      is_signed_by(*trust_, state_->signatures().of(map, version.digest), map, version.digest))
+  const std::optional<PublicKeys> keys = trust();
+  if (!keys || is_signed_by(*keys, version.signatures, map, version.digest) ||
+      is_signed_by(*keys, state_->signatures().of(map, version.digest), map, version.digest))
     return;
   throw StoreRefusal(
       StoreRefusal::Reason::kNotSigned,

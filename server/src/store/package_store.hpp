@@ -70,7 +70,7 @@ class PackageStore {
   /// From then on a version is taken and made active only when one of these keys has signed it;
   /// nothing: all are. What a job makes is taken without, and waits for a signature.
   void set_trust(const std::optional<PublicKeys>& keys);
-  /// @throws StoreRefusal kNotSigned, kUnknownMap, kUnknownVersion.
+  /// @throws StoreRefusal kNotSigned; kUnknownMap and kUnknownVersion where keys are set.
   void require_signed(std::string_view map, std::string_view version) const;
   /// Whether so many bytes may come, of a drive or of what becomes a package.
   /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota, kDiskReserve.
@@ -184,6 +184,7 @@ class PackageStore {
   [[nodiscard]] bool find_whole(std::string_view map, StoredVersion& version) const;
   void note_files();
   [[nodiscard]] bool is_in_use(const StoredMap& map, const std::string& version) const;
+  [[nodiscard]] std::optional<PublicKeys> trust() const;
   /// @param version  with the signatures that come with it, or without. @throws StoreRefusal.
   void require_trust(std::string_view map, const StoredVersion& version) const;
   Added commit(std::string_view map, const StoredVersion& version,

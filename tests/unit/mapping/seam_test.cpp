@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -20,6 +21,11 @@ SeamFit fit(const Eigen::Vector3d& middle, const Eigen::Vector3d& off_m,
 
 const Eigen::Vector3d kOff(0.0, 0.05, 0.0);
 
+std::vector<SeamFit> by_x(std::vector<SeamFit> fits) {
+  std::ranges::sort(fits, {}, [](const SeamFit& each) { return each.middle.x(); });
+  return fits;
+}
+
 TEST(SharedShift, IsThatOfPlacesThatMovedTogether) {
   std::vector<SeamFit> fits;
   for (int i = 0; i < 5; ++i) fits.push_back(fit({10.0 * i, 0.0, 0.0}, kOff));
@@ -29,26 +35,27 @@ TEST(SharedShift, IsThatOfPlacesThatMovedTogether) {
 }
 
 TEST(SharedShift, IsNotThatOfHedgesBetweenWallsThatStand) {
-  const std::vector<SeamFit> fits = {fit({0.0, 0.0, 0.0}, kOff), fit({5.0, 0.0, 0.0}, kOff),
-                                     fit({0.0, 9.0, 0.0}, {0.0, 0.001, 0.0}),
-                                     fit({5.0, 9.0, 0.0}, {0.0, -0.001, 0.0}),
-                                     fit({9.0, 9.0, 0.0}, {0.0, 0.0, 0.0})};
-  EXPECT_LT(shared_shift_m(fits[0], fits).norm(), 0.0011);
-  EXPECT_LT(shared_shift_m(fits[1], fits).norm(), 0.0011);
+  const SeamFit hedge = fit({0.0, 0.0, 0.0}, kOff), other = fit({5.0, 0.0, 0.0}, kOff);
+  const std::vector<SeamFit> fits =
+      by_x({hedge, other, fit({0.0, 9.0, 0.0}, {0.0, 0.001, 0.0}),
+            fit({5.0, 9.0, 0.0}, {0.0, -0.001, 0.0}), fit({9.0, 9.0, 0.0}, {0.0, 0.0, 0.0})});
+  EXPECT_LT(shared_shift_m(hedge, fits).norm(), 0.0011);
+  EXPECT_LT(shared_shift_m(other, fits).norm(), 0.0011);
 }
 
 TEST(SharedShift, AsksThoseWhoTellOfItsDirection) {
   // Ground tells of heights alone: it does not speak for walls.
   const Eigen::Vector3d up(0.0, 0.0, 1.0);
-  std::vector<SeamFit> fits = {fit({0.0, 0.0, 0.0}, kOff), fit({5.0, 0.0, 0.0}, kOff)};
+  const SeamFit wall = fit({0.0, 0.0, 0.0}, kOff);
+  std::vector<SeamFit> fits = {wall, fit({5.0, 0.0, 0.0}, kOff)};
   for (int i = 0; i < 6; ++i) fits.push_back(fit({2.0 * i, 2.0, 0.0}, {0.0, 0.0, 0.0}, up));
-  EXPECT_NEAR(shared_shift_m(fits[0], fits).y(), 0.044, 1e-9);
+  EXPECT_NEAR(shared_shift_m(wall, by_x(fits)).y(), 0.044, 1e-9);
   // Nor do those who know it badly.
   for (int i = 0; i < 6; ++i) {
     fits.push_back(fit({2.0 * i, 2.0, 0.0}, {0.0, 0.0, 0.0}));
     fits.back().sigma_m = 0.02;
   }
-  EXPECT_NEAR(shared_shift_m(fits[0], fits).y(), 0.044, 1e-9);
+  EXPECT_NEAR(shared_shift_m(wall, by_x(fits)).y(), 0.044, 1e-9);
 }
 
 TEST(SharedShift, IsNothingAtAPlaceThatIsAlone) {

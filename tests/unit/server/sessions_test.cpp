@@ -425,6 +425,8 @@ TEST_F(Sessions, AFixMovesTheVehicleAlsoOnceItsMapIsRemoved) {
   while (get("/v1/maps/placed/ready").status != 200) std::this_thread::yield();
   const json fix = {{"latitude_deg", 48.0}, {"longitude_deg", 11.0}, {"sigma_m", 5.0}};
   const json session = ask(json_post("/v1/sessions", {{"map", "placed"}, {"gnss", fix}}), 201);
+  const json labelled =
+      ask(json_post("/v1/sessions", {{"map", "placed"}, {"gnss", fix}, {"label", "truck"}}), 201);
   HttpRequest removal = request("DELETE", "/v1/maps/placed");
   removal.query = {{"active", "true"}};
   EXPECT_EQ(send(removal).status, 204);
@@ -433,6 +435,9 @@ TEST_F(Sessions, AFixMovesTheVehicleAlsoOnceItsMapIsRemoved) {
   const std::string path = "/v1/sessions/" + session["id"].get<std::string>();
   ask(json_post(path + "/initialize", {{"gnss", fix}}));
   EXPECT_EQ(ask(scan(path, "1"))["searched_from"], "given");
+  // Also of a vehicle that a roll-out could give another version.
+  EXPECT_EQ(ask(scan("/v1/sessions/" + labelled["id"].get<std::string>(), "1"))["searched_from"],
+            "given");
 }
 
 TEST_F(Sessions, AClockThatIsSetBackIsFollowed) {

@@ -146,11 +146,22 @@ TEST_F(TrustTest, StopsToAnswerWhenItsKeyIsTakenAway) {
                                  {sign_map(key_, "town", store_.digest())});
   start();
   EXPECT_TRUE(becomes("town", "ready"));
+  HttpRequest opening = request("POST", "/v1/sessions");
+  opening.headers = {{"content-type", "application/json"}};
+  opening.body = R"({"map": "town"})";
+  const auto session = body(service_->handle(opening));
+  HttpRequest scan = request("POST", "/v1/sessions/" + session["id"].get<std::string>() + "/scans");
+  scan.headers = {{"content-type", "application/octet-stream"}};
+  scan.query = {{"stamp_ns", "1"}};
+  scan.body = raw_scan(60);
+  EXPECT_EQ(service_->handle(scan).status, 200);
   fs::remove(options_.trusted_keys_file);
   EXPECT_THROW((void)service_->prepare_trust(options_), maps::StorageError);
   EXPECT_TRUE(becomes("town", "ready")) << "nothing changes with a file that cannot be read";
   other_.write_public(options_.trusted_keys_file);
   service_->prepare_trust(options_)();
+  scan.query = {{"stamp_ns", "2"}};
+  EXPECT_EQ(body(service_->handle(scan))["code"], "NotSigned") << "open sessions too, and at once";
   EXPECT_TRUE(becomes("town", "failed"));
   // Rotated: signed by the new key too.
   store_.open().signatures().add("town", store_.digest(),

@@ -13,6 +13,6 @@ from .types import (Event, GeoPose, Gnss, MapInfo, MapReference, MovableBox, Odo
                     PoseWarning, Prior, Protection, Query, SessionInfo, Version)
 
 __all__ = ["Client", "ConnectionLost", "DownloadChanged", "Event", "GeoPose", "Gnss", "MapInfo", "MapReference",
-           "Mirrored", "MovableBox", "NeedsChoice", "Odometry", "Offset", "Pcd", "Pose", "PoseAnswer", "PoseWarning", "Prior",
-           "Problem", "Protection", "Query", "Scan", "Session", "SessionInfo", "SessionStream", "StillmapError",
-           "Version"]
+           "Mirrored", "MovableBox", "NeedsChoice", "Odometry", "Offset", "Pcd", "Pose", "PoseAnswer", "PoseWarning",
+           "Prior", "Problem", "Protection", "Query", "Scan", "Session", "SessionInfo", "SessionStream",
+           "StillmapError", "Version"]

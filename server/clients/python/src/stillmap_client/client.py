@@ -265,9 +265,10 @@ class Client:
     def mirror(self, map: str, folder: Path, *, vehicle: Optional[str] = None) -> Mirrored:
         """Keeps a copy of the version that the server serves as FOLDER/current, a map package that other programs may
         read meanwhile. Fetches only files that the copy before does not have; each is compared with its SHA-256. Call
-        it again after an interruption, or to follow the server. @param vehicle  label of the vehicle that asks: a
-        roll-out may have another version for it. @raises DownloadChanged for bytes that are not what
-        the version's digest says; ValueError for a package with paths outside itself."""
+        it again after an interruption, or to follow the server. No signature is checked: for that there is
+        `stillmap mirror --trusted`. @param vehicle  label of the vehicle that asks: a roll-out may have another
+        version for it. @raises DownloadChanged for bytes that are not what the version's digest says; ValueError for a
+        package with paths outside itself."""
         info = self._transport.call("GET", f"/v1/maps/{map}", query=_of_vehicle(vehicle)).json(MapInfo.of)
         if info.version is None:
             raise ValueError(f"map {map!r}: no version is active; activate one")

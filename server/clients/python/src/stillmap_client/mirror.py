@@ -41,6 +41,7 @@ def mirrored(version: str, digest: str, folder: pathlib.Path, fetch: Callable[[s
         link.unlink(missing_ok=True)
         link.symlink_to(digest)
         link.replace(current)
+        _sync(folder)
         for other in folder.iterdir():
             if other.is_dir() and not other.is_symlink() and other.name not in (digest, before):
                 shutil.rmtree(other)
@@ -70,11 +71,25 @@ def _fetch_package(digest: str, folder: pathlib.Path, fetch: Callable[[str, path
         target.parent.mkdir(parents=True, exist_ok=True)
         old = known.get(file["sha256"])
         if old is not None and not target.exists() and _sha256(old) == file["sha256"]:
-            os.link(old, target)
-        else:
-            take(file["sha256"], target)
+            try:
+                os.link(old, target)
+            except OSError:
+                pass  # a disk without hard links: it is fetched
+        take(file["sha256"], target)
+    # What has a package's name is whole, also after a power cut.
+    for path in (*incoming.rglob("*"), incoming):
+        _sync(path)
     incoming.replace(folder / digest)
+    _sync(folder)
     return fetched
+
+
+def _sync(path: pathlib.Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _known(package: pathlib.Path) -> Dict[str, pathlib.Path]:
