@@ -166,6 +166,7 @@ def main():
     if os.geteuid() != 0:
         print("needs root")
         return SKIPPED
+    os.environ.pop("STILLMAP_SERVE_QUOTAS_DISK_RESERVE_BYTES", None)  # the reserve of a server that is told nothing
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         (folder / "packages").mkdir()
