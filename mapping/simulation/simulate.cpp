@@ -186,10 +186,12 @@ std::vector<std::string> SimulationOptions::violations() const {
     found.push_back(fmt::format("first: found {} with {} scans, expected a part of {} scans", first,
                                 scans, end));
   }
-  if (first > 0 && (layout == "kitti-raw" || imu)) {
+  if (every < 1) found.push_back("every: found 0, expected >= 1");
+  if ((first > 0 || every > 1) && (layout == "kitti-raw" || imu)) {
     found.push_back(
-        "first: found with layout kitti-raw or an IMU, whose errors go on from scan to "
-        "scan, expected layout kitti-odometry or pcd without one");
+        fmt::format("{}: found with layout kitti-raw or an IMU, whose errors go on from scan to "
+                    "scan, expected layout kitti-odometry or pcd without one",
+                    first > 0 ? "first" : "every"));
   }
   if (scenario == "city" && (standing || carrier != "vehicle")) {
     found.push_back(
@@ -259,7 +261,7 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
     tbb::task_group writing;
     SimulatedScan written;
     const Joined joined(writing);
-    for (std::size_t i = 0; i < options.scans; ++i) {
+    for (std::size_t i = 0; i < options.scans; i += options.every) {
       if (cancel.load()) break;
       SimulatedScan scan = scanner.take(options.first + i);
       writing.wait();
@@ -267,13 +269,13 @@ SimulationResult simulate_drive(const std::filesystem::path& target,
       writing.run([&] { writer.add(written); });
       tracks.add(world, written.boxes);
       result.points += written.points.size();
-      if (progress) progress("simulate", i + 1, options.scans);
+      ++result.scans;
+      if (progress) progress("simulate", std::min(i + options.every, options.scans), options.scans);
     }
     writing.wait();
   });
   if (cancel.load()) throw mapping::Cancelled();
   writer.publish(world.ground);
-  result.scans = options.scans;
   result.rays = scanner.rays();
   result.parked = tracks.parked.size();
   result.moving = tracks.moving.size();

@@ -108,6 +108,10 @@ void add_simulate(CLI::App& app) {
                       "Scans of the whole drive that this is a part of (default: up to the last "
                       "scan of the part)");
   command
+      ->add_option("--every", options.every,
+                   "Write every so many scans one, for queries that are spread over a long drive")
+      ->capture_default_str();
+  command
       ->add_option("--layout", options.layout,
                    "Layout of the drive: kitti-odometry, kitti-raw or pcd")
       ->capture_default_str();

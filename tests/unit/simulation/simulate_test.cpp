@@ -87,6 +87,26 @@ TEST(Simulation, PartsOfADriveAreTheSameAsTheWhole) {
   }
 }
 
+TEST(Simulation, WritesEveryFewScansOne) {
+  const test::TemporaryFolder folder;
+  SimulationOptions options = small_drive();
+  options.scans = 7;
+  const auto whole = bytes_of(simulate(folder, "whole", options));
+  options.every = 3;
+  const auto some = bytes_of(simulate(folder, "some", options));
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_TRUE(some.at(fmt::format("velodyne/{:06}.bin", i)) ==
+                whole.at(fmt::format("velodyne/{:06}.bin", 3 * i)));
+  }
+  EXPECT_FALSE(some.contains("velodyne/000003.bin"));
+  std::istringstream stamps(whole.at("times.txt")), kept(some.at("times.txt"));
+  std::string stamp, line;
+  for (std::size_t i = 0; std::getline(stamps, stamp); ++i) {
+    if (i % 3 == 0 && std::getline(kept, line)) EXPECT_EQ(line, stamp) << i;
+  }
+  EXPECT_FALSE(std::getline(kept, line));
+}
+
 TEST(Simulation, OnlyTheCityHasDrivesOfMoreThanTenThousandScans) {
   SimulationOptions options = small_drive();
   options.scans = 10'001;
@@ -242,6 +262,9 @@ TEST(Simulation, NamesEveryBrokenOption) {
   EXPECT_THAT(message([](auto& o) { o.phase_s = -0.1; }), testing::HasSubstr("phase_s"));
   const auto part = [](auto& o) { o.first = 1, o.layout = "kitti-raw"; };
   EXPECT_THAT(message(part), testing::HasSubstr("kitti-odometry or pcd"));
+  const auto thinned = [](auto& o) { o.every = 2, o.layout = "kitti-raw"; };
+  EXPECT_THAT(message(thinned), testing::HasSubstr("every: found with layout kitti-raw"));
+  EXPECT_THAT(message([](auto& o) { o.every = 0; }), testing::HasSubstr("every"));
   const auto walk = [](auto& o) { o.scenario = "city", o.carrier = "hand"; };
   EXPECT_THAT(message(walk), testing::HasSubstr("found hand in scenario city"));
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "bad"));

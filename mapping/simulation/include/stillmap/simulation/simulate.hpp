@@ -46,13 +46,16 @@ struct SimulationOptions {
   /// mapping/simulation/README.md). Layout `pcd` only: the points of the others are at one instant,
   /// or have no times.
   bool imu = false;
-  /// Scans taken, at least 1. The whole drive has at most 10000 scans (city: 100000).
+  /// Scans driven, at least 1. The whole drive has at most 10000 scans (city: 100000).
   std::size_t scans = 100;
   /// A part of a longer drive: the number of its first scan, counted from 0, and the scans of the
   /// whole drive (0 = it ends with this part). The part's scans, frame and clock are those of the
   /// whole drive. `first` > 0 only with the layouts `kitti-odometry` and `pcd`, without an IMU.
   std::size_t first = 0;
   std::size_t of = 0;
+  /// Every so many scans one is taken, from the first of `scans` on, at least 1. More than 1 under
+  /// the conditions of `first` > 0.
+  std::size_t every = 1;
   /// `kitti-odometry`, `kitti-raw` or `pcd`.
   std::string layout = "kitti-odometry";
   /// Also writes what only a simulator knows: `truth/`.
