@@ -133,7 +133,7 @@ void look_up(const localization::RegionView& view, const maps::PointCloud& scan)
   for (std::size_t k = 0; k < view.place_grids.size(); ++k) {
     localization::CellBits::Part middle = view.place_grids[k];
     middle.x = middle.y = 1;
-    const localization::CellBits grid(localization::kPlaceGrids[k].edge_m, {&middle, 1});
+    const localization::CellBits grid(localization::kPlaceGridEdgesM[k], {&middle, 1});
     static_cast<void>(grid.hits(columns, Eigen::Vector3f::Zero()));
   }
 }

@@ -10,23 +10,24 @@
 #include <limits>
 #include <numbers>
 #include <span>
+#include <tuple>
 #include <vector>
 
 namespace stillmap::localization {
 
 /// Where in a map a scan may have been taken, from all places that the map was seen from.
 ///
-/// Counts how many of the scan's standing points fall into occupied cells of the map, as
-/// `search_poses` does, in three rounds: every place and heading on widely spread cells, the best
-/// of these on 2 m cells, the best of those on 1 m cells. Unlike a descriptor of what a scan sees
-/// from a place, it does not mind what hides part of the view, nor which sensor it is. Turned down:
-/// Scan Context (Kim, Kim, IROS 2018), whose bins compare what the map holds behind walls with what
-/// the scan cannot see there.
+/// In three rounds. The first compares what the scan shows around itself with the `PlaceView` of
+/// every place, in every heading. At the best 900 it counts how many of the scan's standing points
+/// fall into occupied cells of the map, as `search_poses` does: on cells of 2 m,
+/// then the best of those on 1 m cells. So only the first round grows with the map, by a
+/// microsecond a place ([decision](../../decisions/views_of_places.md)).
 class PlaceSearch {
  public:
   /// At the places that the index knows. @param index  outlives this.
   explicit PlaceSearch(const MapIndex& index);
-  /// At others. @param places  at least one.
+  /// At others, whose views are made here. @param places  at least one.
+  /// @throws maps::InputError, maps::StorageError as `MapIndex::around`.
   PlaceSearch(const MapIndex& index, Places places);
   PlaceSearch(const PlaceSearch&) = delete;
   PlaceSearch& operator=(const PlaceSearch&) = delete;
@@ -58,7 +59,14 @@ class PlaceSearch {
     float x_m = 0.0F;
     float y_m = 0.0F;
     float score = 0.0F;
+
+    /// Ties are broken, so that no result depends on a sort.
+    [[nodiscard]] bool is_better_than(const Hypothesis& other) const {
+      if (score != other.score) return score > other.score;
+      return std::tie(place, yaw_rad) < std::tie(other.place, other.yaw_rad);
+    }
   };
+  static void keep_best(std::vector<Hypothesis>& all, std::size_t count);
   /// Steps around a hypothesis: so many to each side, so wide.
   struct Steps {
     int shifts = 0;
@@ -66,21 +74,22 @@ class PlaceSearch {
     int turns = 0;
     float turn_rad = 0.0F;
   };
-  [[nodiscard]] std::vector<Hypothesis> all_in(const Region& region,
-                                               const std::vector<Eigen::Vector3f>& points) const;
-  /// The best of the steps around each hypothesis. @param grid  of `kPlaceGrids`.
+  /// Of all places of a region, the best by their views; by hits when a scan shows nothing above
+  /// the lidar. @param points  some of those that stand.
+  [[nodiscard]] std::vector<Hypothesis> best_views(
+      const Query& query, const Region& region, const std::vector<Eigen::Vector3f>& points) const;
+  /// The best of the steps around each hypothesis. @param grid  of `kPlaceGridEdgesM`.
   void improve(std::vector<Hypothesis>& hypotheses, const std::vector<Eigen::Vector3f>& points,
                std::size_t grid, const Steps& steps) const;
-  /// A place relative to its window's origin: x and y along the ground.
-  [[nodiscard]] Eigen::Isometry3f T_window_place(std::size_t place,
-                                                 const IndexWindow& window) const;
   /// Of the levelled lidar.
   [[nodiscard]] Eigen::Isometry3d T_map_level(const Hypothesis& hypothesis) const;
 
   const MapIndex& index_;
   /// Of those that were given; else the index has them.
   std::vector<PlaceRow> own_places_;
+  std::vector<PlaceView> own_views_;
   std::span<const PlaceRow> places_;
+  std::span<const PlaceView> views_;
   Eigen::Matrix3d R_level_lidar_;
 };
 

@@ -84,13 +84,26 @@ CellBits::CellBits(float edge_m, std::span<const Part> parts)
   }
 }
 
+std::uint64_t CellBits::column(float x, float y) const {
+  const float from_west = (x + static_cast<float>(kRegionM)) / edge_m_;
+  const float from_south = (y + static_cast<float>(kRegionM)) / edge_m_;
+  const auto columns = static_cast<float>(tiles_along_ << RegionColumns::kShift);
+  if (!(from_west >= 0.0F && from_west < columns && from_south >= 0.0F && from_south < columns))
+    return 0;
+  const auto column = static_cast<std::uint32_t>(from_west);
+  const auto row = static_cast<std::uint32_t>(from_south);
+  const std::size_t tile =
+      (row >> RegionColumns::kShift) * tiles_along_ + (column >> RegionColumns::kShift);
+  return tiles_[tile][RegionColumns::place_in_tile(column, row)];
+}
+
 HWY_EXPORT(count_hits);
 
 unsigned CellBits::hits(const PointColumns& points, const Eigen::Vector3f& shift) const {
   return HWY_DYNAMIC_DISPATCH(count_hits)(tiles_.data(), tiles_along_, edge_m_, points, shift);
 }
 
-CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, float edge_m, int spread)
+CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, float edge_m)
     : tiles_along_(RegionColumns::tiles(edge_m)),
       tiles_(std::size_t{tiles_along_} * tiles_along_),
       words_(RegionColumns::kColumnsOfTile) {
@@ -99,13 +112,9 @@ CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, float edge_m, int sp
     const auto x = static_cast<std::int32_t>(std::floor(voxel.mean.x() / edge_m));
     const auto y = static_cast<std::int32_t>(std::floor(voxel.mean.y() / edge_m));
     const std::uint64_t bit = std::uint64_t{1} << (CellBits::height_bit(voxel.mean.z()) % 64U);
-    const std::uint64_t bits = bit | std::rotl(bit, 1) | std::rotr(bit, 1);
-    for (std::int32_t row = std::max(0, y - spread); row <= std::min(last, y + spread); ++row) {
-      for (std::int32_t column = std::max(0, x - spread); column <= std::min(last, x + spread);
-           ++column) {
-        word_at(static_cast<std::uint32_t>(column), static_cast<std::uint32_t>(row)) |= bits;
-      }
-    }
+    if (x < 0 || x > last || y < 0 || y > last) continue;
+    word_at(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y)) |=
+        bit | std::rotl(bit, 1) | std::rotr(bit, 1);
   }
 }
 

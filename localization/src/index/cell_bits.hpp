@@ -61,6 +61,8 @@ class CellBits {
   CellBits(float edge_m, std::span<const Part> parts);
 
   [[nodiscard]] float edge_m() const { return edge_m_; }
+  /// Of the column at a place, a bit a metre of height. @param x, y  as the points of `hits` [m].
+  [[nodiscard]] std::uint64_t column(float x, float y) const;
   /// How many of the points, shifted, have something within a metre of their height [m, relative to
   /// the corner of the region in the middle].
   [[nodiscard]] unsigned hits(const PointColumns& points, const Eigen::Vector3f& shift) const;
@@ -81,9 +83,8 @@ class CellBits {
 /// What `CellBits` looks into for one region, made from voxels.
 class CellBitsTable {
  public:
-  /// @param voxels  of cells about 1 m wide, of the region and what is around it.
-  /// @param spread  columns around, to each side, whose bits are taken over too.
-  CellBitsTable(std::span<const Voxel> voxels, float edge_m, int spread);
+  /// @param voxels  of cells about 1 m wide, of the region.
+  CellBitsTable(std::span<const Voxel> voxels, float edge_m);
 
   [[nodiscard]] std::span<const std::uint32_t> tiles() const { return tiles_; }
   /// The first tile is empty, and stands for all that are.
@@ -97,16 +98,10 @@ class CellBitsTable {
   std::vector<std::uint64_t> words_;
 };
 
-/// How the grids that `PlaceSearch` looks at are made, from wide to fine. Tiles of 32 columns
+/// Edges of the grids that `PlaceSearch` looks at, from wide to fine [m]. Tiles of 32 columns
 /// divide a region.
-struct PlaceGrid {
-  float edge_m;
-  int spread;
-};
-inline constexpr std::array<PlaceGrid, 3> kPlaceGrids = {{{2.0F, 1}, {2.0F, 0}, {1.0F, 0}}};
+inline constexpr std::array<float, 2> kPlaceGridEdgesM = {2.0F, 1.0F};
 /// Cells of the level that they are made of [m].
 inline constexpr double kPlaceCellM = 1.0;
-/// How far around a region voxels reach into its grids [m].
-inline constexpr double kPlaceRimM = 2.0;
 
 }  // namespace stillmap::localization

@@ -40,6 +40,8 @@ const char* name_of(std::uint32_t kind) {
       return "mount";
     case Kind::kErrors:
       return "errors";
+    case Kind::kViews:
+      return "views";
   }
   return "unknown";
 }
@@ -161,7 +163,7 @@ CellBlocks::Part level_part(const IndexParser& parser, std::uint32_t level, doub
 CellBits::Part place_grid_part(const IndexParser& parser, std::uint32_t grid) {
   CellBits::Part part{.tiles = parser.checked_items<std::uint32_t>(Kind::kGridTiles, grid),
                       .words = parser.items<std::uint64_t>(Kind::kGridWords, grid)};
-  const std::size_t side = RegionColumns::tiles(kPlaceGrids[grid].edge_m);
+  const std::size_t side = RegionColumns::tiles(kPlaceGridEdgesM[grid]);
   const bool good = part.tiles.size() == side * side &&
                     std::all_of(part.tiles.begin(), part.tiles.end(), [&](std::uint32_t first) {
                       return first + RegionColumns::kColumnsOfTile <= part.words.size();
@@ -205,7 +207,7 @@ RegionView region_view(std::span<const std::byte> bytes, const IndexKey& key,
   view.floor = parser.about().floor;
   for (std::uint32_t level = 0; std::cmp_less(level, key.options.levels); ++level)
     view.levels.push_back(level_part(parser, level, edge_of_level(key.options, level)));
-  for (std::uint32_t grid = 0; grid < kPlaceGrids.size(); ++grid)
+  for (std::uint32_t grid = 0; grid < kPlaceGridEdgesM.size(); ++grid)
     view.place_grids.push_back(place_grid_part(parser, grid));
   return view;
 }
@@ -227,6 +229,7 @@ std::vector<CacheLine> to_bytes(const IndexKey& key, const RootContent& content)
       {part_of(Kind::kRegions, 0, std::span<const RegionRow>(content.regions)),
        part_of(Kind::kMount, 0, std::span<const double>(content.R_level_lidar.data(), 9)),
        part_of(Kind::kPlaces, 0, std::span<const PlaceRow>(content.places)),
+       part_of(Kind::kViews, 0, std::span<const PlaceView>(content.views)),
        part_of(Kind::kErrors, 0, std::span<const OwnErrorColumn>(content.own_errors))});
 }
 
@@ -248,6 +251,10 @@ RootView root_view(std::span<const std::byte> bytes, const IndexKey& key, const 
   if (mount.size() != 9) parser.refuse(fmt::format("a mount of {} numbers", mount.size()), "9");
   view.R_level_lidar = Eigen::Matrix3d::Map(mount.data());
   view.places = parser.items<PlaceRow>(Kind::kPlaces, 0);
+  view.views = parser.items<PlaceView>(Kind::kViews, 0);
+  if (view.views.size() != view.places.size())
+    parser.refuse(fmt::format("{} places with {} views", view.places.size(), view.views.size()),
+                  "a view of each place");
   view.own_errors = parser.items<OwnErrorColumn>(Kind::kErrors, 0);
   return view;
 }

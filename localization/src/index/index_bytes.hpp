@@ -3,6 +3,7 @@
 #include "cell_bits.hpp"
 #include "cell_blocks.hpp"
 #include "own_error.hpp"
+#include "place_view.hpp"
 
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/region.hpp>
@@ -41,7 +42,7 @@ struct RegionContent {
   std::int32_t floor = 0;
   /// Coarse to fine, as many as the options say.
   std::vector<VoxelLevel> levels;
-  /// As many as `kPlaceGrids`.
+  /// As many as `kPlaceGridEdgesM`.
   std::vector<CellBitsTable> place_grids;
 };
 
@@ -94,6 +95,8 @@ struct RootContent {
   std::vector<RegionRow> regions;
   /// By region, in the order of `regions`.
   std::vector<PlaceRow> places;
+  /// What stands around each place.
+  std::vector<PlaceView> views;
   /// Of the scans that the places were seen from.
   Eigen::Matrix3d R_level_lidar = Eigen::Matrix3d::Identity();
   /// By x, then y.
@@ -107,11 +110,13 @@ struct RootView {
   Eigen::AlignedBox3d bounds;
   std::span<const RegionRow> regions;
   std::span<const PlaceRow> places;
+  /// As many as places.
+  std::span<const PlaceView> views;
   Eigen::Matrix3d R_level_lidar = Eigen::Matrix3d::Identity();
   std::span<const OwnErrorColumn> own_errors;
 };
 
-/// Checks all of it but the places and errors, which are read when they are asked for.
+/// Checks all of it but the places, views and errors, which are read when they are asked for.
 /// @throws as `region_view`.
 [[nodiscard]] RootView root_view(std::span<const std::byte> bytes, const IndexKey& key,
                                  const std::string& name);

@@ -12,7 +12,7 @@ namespace stillmap::localization::index_format {
 
 /// Counts up whenever a reader, or the same map's voxels, would differ.
 /// IndexFile.HoldsTheBytesOfItsFormatNumber pins it and the bytes.
-inline constexpr std::uint32_t kFormat = 2;
+inline constexpr std::uint32_t kFormat = 3;
 inline constexpr std::uint32_t kAlignment = 64;
 inline constexpr maps::SectionFormat kRegionFile = {
     {'s', 't', 'i', 'l', 'l', 'i', 'd', 'x'}, kFormat, kAlignment, "a region of a map index"};
@@ -21,8 +21,8 @@ inline constexpr maps::SectionFormat kRootFile = {
 
 /// In the header of either file, whose count is that of the levels.
 struct About {
-  /// What it is made from (hex): of a region the digest of its tiles and those around it, of the
-  /// root the map's; zeros for bare points.
+  /// What it is made from (hex): of a region the digest of its tiles, of the root the map's; zeros
+  /// for bare points.
   std::array<char, 64> source{};
   double finest_voxel_m = 0.0;
   std::uint32_t min_points = 0;
@@ -38,7 +38,7 @@ enum class Kind : std::uint32_t {
   kTiles = 1,   ///< CellBlocks::Tile
   kSlots = 2,   ///< CellBlocks::Slot
   kVoxels = 3,  ///< Voxel
-  /// 32-bit and 64-bit words of `CellBitsTable`; the part counts `kPlaceGrids`.
+  /// 32-bit and 64-bit words of `CellBitsTable`; the part counts `kPlaceGridEdgesM`.
   kGridTiles = 4,
   kGridWords = 5,
   // Of the root.
@@ -46,6 +46,7 @@ enum class Kind : std::uint32_t {
   kPlaces = 7,   ///< PlaceRow
   kMount = 8,    ///< double: 9 of a rotation, column by column
   kErrors = 9,   ///< OwnErrorColumn
+  kViews = 10,   ///< PlaceView, one a place
 };
 
 }  // namespace stillmap::localization::index_format

@@ -39,14 +39,14 @@ IndexWindow::IndexWindow(const Eigen::Vector3d& origin_map, maps::RegionId middl
 
 const std::vector<CellBits>& IndexWindow::place_grids() const {
   std::call_once(grids_made_, [this] {
-    for (std::size_t grid = 0; grid < kPlaceGrids.size(); ++grid) {
+    for (std::size_t grid = 0; grid < kPlaceGridEdgesM.size(); ++grid) {
       std::vector<CellBits::Part> parts;
       for (const auto& [id, region] : regions_) {
         parts.push_back(region->view.place_grids[grid]);
         parts.back().x = static_cast<std::uint32_t>(id.x - middle_.x + 1);
         parts.back().y = static_cast<std::uint32_t>(id.y - middle_.y + 1);
       }
-      place_grids_.emplace_back(kPlaceGrids[grid].edge_m, parts);
+      place_grids_.emplace_back(kPlaceGridEdgesM[grid], parts);
     }
   });
   return place_grids_;

@@ -36,14 +36,13 @@ void require_usable(const MapIndexOptions& options) {
 
 /// What is wrong with the coarsest edge; nothing when regions are whole numbers of blocks.
 std::optional<std::string> uneven_edge(const MapIndexOptions& options) {
-  constexpr double kBlocksM = kRegionM / 4.0;
   const double coarsest_m = edge_of_level(options, 0);
-  const double blocks = std::max(1.0, std::round(kBlocksM / coarsest_m));
-  if (std::abs(kBlocksM / coarsest_m - blocks) < 1e-9 * blocks) return std::nullopt;
+  const double blocks = std::max(1.0, std::round(RegionBuilder::kBlockM / coarsest_m));
+  if (std::abs(RegionBuilder::kBlockM / coarsest_m - blocks) < 1e-9 * blocks) return std::nullopt;
   return fmt::format(
       "finest_voxel_m: {} with {} levels makes voxels of {} m, which do not divide {} m: take {}",
-      options.finest_voxel_m, options.levels, coarsest_m, kBlocksM,
-      std::ldexp(kBlocksM / blocks, 1 - options.levels));
+      options.finest_voxel_m, options.levels, coarsest_m, RegionBuilder::kBlockM,
+      std::ldexp(RegionBuilder::kBlockM / blocks, 1 - options.levels));
 }
 
 void add_region(RootContent& root, maps::RegionId id, const IndexKey& key, const RegionView& view) {
@@ -317,6 +316,12 @@ void MapIndex::build_from(const maps::MapPackage& map) {
   root.places = places.rows;
   root.R_level_lidar = places.R_level_lidar;
   root.own_errors = own_errors_of(map);
+  // Views are of windows, and windows look regions up in the root: one without places comes first.
+  RootContent without_places = root;
+  without_places.places.clear();
+  regions_->set_root(IndexStorage(to_bytes({map.digest(), options_}, without_places)),
+                     {map.digest(), options_});
+  root.views = views_of(root.places, *this);
   set_root(root, {map.digest(), options_}, map.folder());
 }
 

@@ -104,4 +104,31 @@ Places places_of(const std::vector<Eigen::Isometry3d>& T_map_lidar, const Eigen:
   return places;
 }
 
+Eigen::Isometry3f T_window_place(const PlaceRow& place, const IndexWindow& window,
+                                 const Eigen::Vector3d& origin) {
+  const auto floor_m = static_cast<float>(window.origin().z() - origin.z());
+  Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
+  T.linear() = Eigen::Matrix3f::Map(place.R_map_place.data());
+  T.translation() << place.place_m[0], place.place_m[1], place.place_m[2] - floor_m;
+  return T;
+}
+
+std::vector<PlaceView> views_of(const std::vector<PlaceRow>& places, const MapIndex& index) {
+  std::vector<PlaceView> views;
+  views.reserve(places.size());
+  WindowOfPlace windows(index);
+  for (const PlaceRow& place : places) {
+    const IndexWindow& window = windows.of(place.region);
+    views.push_back(
+        view_of_place(window.place_grids().back(), T_window_place(place, window, index.origin())));
+  }
+  return views;
+}
+
+const IndexWindow& WindowOfPlace::of(maps::RegionId region) {
+  if (!window_ || region != region_) window_ = index_.around(region);
+  region_ = region;
+  return *window_;
+}
+
 }  // namespace stillmap::localization

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 namespace stillmap::localization {
@@ -32,162 +33,117 @@ std::size_t level_for_places(const MapIndexOptions& options) {
   return static_cast<std::size_t>(options.levels - 1 - up);
 }
 
-/// Cells of one level with enough points.
-class LevelCells {
- public:
-  /// @param halvings  of the cells' number since the finest level.
-  LevelCells(const MomentGrid& grid, const MapIndexOptions& options, double rim_m, int halvings)
-      : edge_m_(std::ldexp(options.finest_voxel_m, halvings)),
-        first_(static_cast<int>(std::lround(rim_m / edge_m_)),
-               static_cast<int>(std::lround(rim_m / edge_m_)), kCellsPerAxis / 2 >> halvings),
-        side_(cells_of_region(edge_m_)) {
-    for (const Moments& cell : grid.cells)
-      if (cell.count >= static_cast<std::uint32_t>(options.min_points)) kept_.push_back(&cell);
-  }
+/// Points are rounded when they are stored, bounds are not [m].
+constexpr double kRoundedM = 0.01;
 
-  /// In units of `kRegionM`: below all cells of the region.
-  [[nodiscard]] std::int32_t floor() const {
-    std::int32_t lowest = kCellsPerAxis;
-    for (const Moments* cell : kept_)
-      if (is_own(*cell)) lowest = std::min(lowest, cell_of(*cell).z());
-    if (lowest == kCellsPerAxis) return 0;
-    return static_cast<std::int32_t>(std::floor(static_cast<double>(lowest) / side_));
-  }
-
-  [[nodiscard]] VoxelLevel level(std::int32_t floor) const {
-    std::vector<std::pair<CellBlocks::Place, const Moments*>> own;
-    for (const Moments* cell : kept_) {
-      if (!is_own(*cell)) continue;
-      const Eigen::Array3i at = cell_of(*cell) - Eigen::Array3i(0, 0, floor * side_);
-      own.emplace_back(CellBlocks::place_of(at.x(), at.y(), at.z()), cell);
-    }
-    // Neighbours in space become neighbours in memory.
-    std::sort(own.begin(), own.end(),
-              [](const auto& a, const auto& b) { return a.first < b.first; });
-    std::vector<CellBlocks::Place> places;
-    std::vector<Voxel> voxels;
-    places.reserve(own.size());
-    voxels.reserve(own.size());
-    for (const auto& [place, cell] : own) {
-      places.push_back(place);
-      voxels.push_back(voxel_at(*cell, floor));
-    }
-    return {CellBlockTable(places, tile_shift_of(edge_m_)), std::move(voxels)};
-  }
-
-  /// Of the region and its rim.
-  [[nodiscard]] std::vector<Voxel> all_voxels(std::int32_t floor) const {
-    std::vector<Voxel> voxels;
-    voxels.reserve(kept_.size());
-    for (const Moments* cell : kept_) voxels.push_back(voxel_at(*cell, floor));
-    return voxels;
-  }
-
- private:
-  [[nodiscard]] Eigen::Array3i cell_of(const Moments& cell) const {
-    const auto [x, y, z] = cell_of_key(cell.key);
-    return Eigen::Array3i(x, y, z) - first_;
-  }
-  [[nodiscard]] bool is_own(const Moments& cell) const {
-    const Eigen::Array3i at = cell_of(cell);
-    return at.x() >= 0 && at.x() < side_ && at.y() >= 0 && at.y() < side_;
-  }
-  [[nodiscard]] Voxel voxel_at(const Moments& cell, std::int32_t floor) const {
-    return voxel_of(cell, edge_m_, {0.0, 0.0, kRegionM * floor});
-  }
-
-  double edge_m_;
-  Eigen::Array3i first_;
-  std::int32_t side_;
-  std::vector<const Moments*> kept_;
-};
+std::int32_t floor_below(double lowest_m) {
+  if (std::abs(lowest_m) < kFarthestRegionM)
+    return static_cast<std::int32_t>(std::floor(lowest_m / kRegionM));
+  throw maps::InputError("map points", fmt::format("a height of {} m", lowest_m),
+                         fmt::format("less than {} m", kFarthestRegionM));
+}
 
 }  // namespace
 
-double RegionBuilder::rim_m(const MapIndexOptions& options) {
-  const double coarsest_m = edge_of_level(options, 0);
-  return coarsest_m * std::ceil(kPlaceRimM / coarsest_m);
+RegionBuilder::RegionBuilder(const MapIndexOptions& options, double lowest_m)
+    : options_(options),
+      floor_(floor_below(lowest_m)),
+      voxels_(static_cast<std::size_t>(options.levels)) {}
+
+void RegionBuilder::begin_block(int x, int y) {
+  end_block();
+  first_ = cells_of_block() * Eigen::Array2i(x, y);
 }
 
-RegionBuilder::RegionBuilder(const MapIndexOptions& options)
-    : options_(options), rim_m_(rim_m(options)) {}
+int RegionBuilder::cells_of_block() const {
+  return static_cast<int>(std::lround(kBlockM / options_.finest_voxel_m));
+}
 
 void RegionBuilder::add(const Eigen::Vector3d& p, double weight) {
   const double edge_m = options_.finest_voxel_m;
-  const double x = std::floor((p.x() + rim_m_) / edge_m);
-  const double y = std::floor((p.y() + rim_m_) / edge_m);
-  const double z = std::floor(p.z() / edge_m) + kCellsPerAxis / 2;
-  const double side = std::round((kRegionM + 2.0 * rim_m_) / edge_m);
-  if (!(x >= 0.0 && x < side && y >= 0.0 && y < side)) return;
-  if (!(z >= 0.0 && z < kCellsPerAxis)) {
+  const Eigen::Array3d cell = (p.array() / edge_m).floor();
+  const auto along = [&](Eigen::Index axis) {
+    const double first = first_[axis];
+    const double last = first + cells_of_block() - 1;
+    if (!(cell[axis] >= first - 1.0 && cell[axis] <= last + 1.0)) {
+      throw maps::InputError("map points", fmt::format("a point at {} m of a region", p[axis]),
+                             "points inside of their tiles: check the package (stillmap verify)");
+    }
+    // A point on the border may be rounded across it.
+    return static_cast<std::int32_t>(std::clamp(cell[axis], first, last));
+  };
+  const double z = cell.z() + kCellsPerAxis / 2;
+  if (!(z >= 0.0 && z < kCellsPerAxis && p.z() >= kRegionM * floor_)) {
     throw maps::InputError("map points", fmt::format("a height of {} m", p.z()),
-                           fmt::format("less than {} m", 0.5 * edge_m * kCellsPerAxis));
+                           fmt::format("less than {} m, and no less than the bounds of its tile",
+                                       0.5 * edge_m * kCellsPerAxis));
   }
-  grid_
-      .at(cell_key(static_cast<std::int32_t>(x), static_cast<std::int32_t>(y),
-                   static_cast<std::int32_t>(z)))
-      .add(p, weight);
+  grid_.at(cell_key(along(0), along(1), static_cast<std::int32_t>(z))).add(p, weight);
 }
 
-RegionContent RegionBuilder::content() const {
-  std::vector<MomentGrid> coarse;
-  const auto grid = [&](int halvings) -> const MomentGrid& {
-    return halvings == 0 ? grid_ : coarse[static_cast<std::size_t>(halvings) - 1];
-  };
-  for (int halvings = 1; halvings < options_.levels; ++halvings)
-    coarse.push_back(coarser(grid(halvings - 1)));
-  RegionContent content;
-  // The coarsest level has a voxel wherever a finer one has.
-  content.floor =
-      LevelCells(grid(options_.levels - 1), options_, rim_m_, options_.levels - 1).floor();
-  for (int halvings = options_.levels - 1; halvings >= 0; --halvings) {
-    const LevelCells cells(grid(halvings), options_, rim_m_, halvings);
-    if (content.levels.size() == level_for_places(options_)) {
-      const std::vector<Voxel> voxels = cells.all_voxels(content.floor);
-      for (const PlaceGrid& place_grid : kPlaceGrids)
-        content.place_grids.emplace_back(voxels, place_grid.edge_m, place_grid.spread);
+void RegionBuilder::end_block() {
+  MomentGrid grid = std::exchange(grid_, MomentGrid());
+  for (int halvings = 0; halvings < options_.levels; ++halvings) {
+    if (halvings > 0) grid = coarser(grid);
+    const double edge_m = std::ldexp(options_.finest_voxel_m, halvings);
+    const std::int32_t below = (kCellsPerAxis / 2 >> halvings) + floor_ * cells_of_region(edge_m);
+    auto& voxels = voxels_[static_cast<std::size_t>(options_.levels - 1 - halvings)];
+    for (const Moments& cell : grid.cells) {
+      if (cell.count < static_cast<std::uint32_t>(options_.min_points)) continue;
+      const auto [x, y, z] = cell_of_key(cell.key);
+      voxels.emplace_back(CellBlocks::place_of(x, y, z - below),
+                          voxel_of(cell, edge_m, {0.0, 0.0, kRegionM * floor_}));
     }
-    content.levels.push_back(cells.level(content.floor));
   }
+}
+
+RegionContent RegionBuilder::content() && {
+  end_block();
+  RegionContent content;
+  content.floor = floor_;
+  for (std::size_t level = 0; level < voxels_.size(); ++level) {
+    std::vector<PlacedVoxel> placed = std::exchange(voxels_[level], {});
+    // Neighbours in space become neighbours in memory.
+    std::sort(placed.begin(), placed.end(),
+              [](const auto& a, const auto& b) { return a.first < b.first; });
+    std::vector<CellBlocks::Place> places;
+    std::vector<Voxel> voxels;
+    places.reserve(placed.size());
+    voxels.reserve(placed.size());
+    for (const auto& [place, voxel] : placed) {
+      places.push_back(place);
+      voxels.push_back(voxel);
+    }
+    const int shift = tile_shift_of(edge_of_level(options_, level));
+    content.levels.push_back({CellBlockTable(places, shift), std::move(voxels)});
+  }
+  for (const float edge_m : kPlaceGridEdgesM)
+    content.place_grids.emplace_back(content.levels[level_for_places(options_)].voxels, edge_m);
   return content;
 }
 
 MapRegions::MapRegions(const maps::MapPackage& map, const MapIndexOptions& options)
     : map_(map), options_(options) {
-  for (const maps::TileEntry& entry : map.tiles())
-    if (entry.id.level == 0) tiles_[maps::region_of(entry.id)].push_back(entry.id);
-  for (auto& [region, tiles] : tiles_) std::sort(tiles.begin(), tiles.end());
+  for (const maps::TileEntry& entry : map.tiles()) {
+    if (entry.id.level != 0) continue;
+    RegionTiles& region = tiles_[maps::region_of(entry.id)];
+    region.tiles.push_back(entry.id);
+    region.lowest_m = std::min(region.lowest_m, entry.min[2]);
+  }
+  for (auto& [id, region] : tiles_) std::sort(region.tiles.begin(), region.tiles.end());
 }
 
 std::vector<maps::RegionId> MapRegions::regions() const {
   std::vector<maps::RegionId> regions;
-  for (const auto& [region, tiles] : tiles_) regions.push_back(region);
+  for (const auto& [id, region] : tiles_) regions.push_back(id);
   return regions;
-}
-
-std::vector<maps::TileId> MapRegions::tiles_around(maps::RegionId region) const {
-  const auto reach =
-      static_cast<std::int32_t>(std::ceil(RegionBuilder::rim_m(options_) / maps::kTileSizeM));
-  const auto is_near = [&](std::int32_t tile, std::int32_t first) {
-    return tile >= first - reach && tile < first + maps::kRegionTiles + reach;
-  };
-  std::vector<maps::TileId> around;
-  for (std::int32_t x = region.x - 1; x <= region.x + 1; ++x) {
-    for (std::int32_t y = region.y - 1; y <= region.y + 1; ++y) {
-      const auto found = tiles_.find({x, y});
-      if (found == tiles_.end()) continue;
-      for (const maps::TileId tile : found->second)
-        if (is_near(tile.x, maps::kRegionTiles * region.x) &&
-            is_near(tile.y, maps::kRegionTiles * region.y))
-          around.push_back(tile);
-    }
-  }
-  return around;
 }
 
 std::string MapRegions::source_of(maps::RegionId region) const {
   maps::Sha256 hash;
-  for (const maps::TileId tile : tiles_around(region)) {
+  const auto found = tiles_.find(region);
+  if (found == tiles_.end()) return hash.hex();
+  for (const maps::TileId tile : found->second.tiles) {
     const std::string row =
         fmt::format("{} {} {}\n", tile.x - maps::kRegionTiles * region.x,
                     tile.y - maps::kRegionTiles * region.y, map_.stored_name(tile).sha256);
@@ -197,22 +153,36 @@ std::string MapRegions::source_of(maps::RegionId region) const {
 }
 
 RegionContent MapRegions::build(maps::RegionId region) const {
+  constexpr auto kBlockTiles = static_cast<int>(RegionBuilder::kBlockM / maps::kTileSizeM);
   const Eigen::Vector2d corner = corner_of(region);
   const double below_m = below_origin_m(options_);
-  RegionBuilder builder(options_);
-  for (const maps::TileId id : tiles_around(region)) {
-    // The files outlive this process, and nobody compares them with the points again.
-    maps::require_whole_tile(map_, id);
-    for_each_measured_point(map_, id, [&](const Eigen::Vector3d& p, const maps::MapPoint& point) {
-      builder.add({p.x() - corner.x(), p.y() - corner.y(), p.z() + below_m}, weight_of(point));
-    });
+  const RegionTiles& own = tiles_.at(region);
+  std::map<std::pair<int, int>, std::vector<maps::TileId>> blocks;
+  for (const maps::TileId id : own.tiles) {
+    blocks[{(id.x - maps::kRegionTiles * region.x) / kBlockTiles,
+            (id.y - maps::kRegionTiles * region.y) / kBlockTiles}]
+        .push_back(id);
   }
-  return builder.content();
+  RegionBuilder builder(options_, own.lowest_m + below_m - kRoundedM);
+  for (const auto& [block, tiles] : blocks) {
+    builder.begin_block(block.first, block.second);
+    for (const maps::TileId id : tiles) {
+      // The files outlive this process, and nobody compares them with the points again.
+      maps::require_whole_tile(map_, id);
+      for_each_measured_point(map_, id, [&](const Eigen::Vector3d& p, const maps::MapPoint& point) {
+        builder.add({p.x() - corner.x(), p.y() - corner.y(), p.z() + below_m}, weight_of(point));
+      });
+    }
+    map_.release_pages();
+  }
+  return std::move(builder).content();
 }
 
 std::map<maps::RegionId, RegionContent> build_regions(const std::vector<Eigen::Vector3d>& points,
                                                       const MapIndexOptions& options) {
-  std::map<maps::RegionId, RegionBuilder> builders;
+  using Block = std::tuple<maps::RegionId, int, int>;
+  std::map<Block, std::vector<Eigen::Vector3d>> blocks;
+  std::map<maps::RegionId, double> lowest_m;
   for (const Eigen::Vector3d& p : points) {
     if (!p.allFinite()) throw std::invalid_argument("map points: a point is not finite");
     if (!(p.cwiseAbs().maxCoeff() < kFarthestRegionM)) {
@@ -220,23 +190,27 @@ std::map<maps::RegionId, RegionContent> build_regions(const std::vector<Eigen::V
                              fmt::format("a point {} m from the origin", p.cwiseAbs().maxCoeff()),
                              fmt::format("less than {} m", kFarthestRegionM));
     }
-    builders.try_emplace(region_at(p.x(), p.y()), options);
-  }
-  const double rim_m = RegionBuilder::rim_m(options);
-  for (const Eigen::Vector3d& p : points) {
-    const maps::RegionId first = region_at(p.x() - rim_m, p.y() - rim_m);
-    const maps::RegionId last = region_at(p.x() + rim_m, p.y() + rim_m);
-    for (std::int32_t x = first.x; x <= last.x; ++x) {
-      for (std::int32_t y = first.y; y <= last.y; ++y) {
-        const auto builder = builders.find({x, y});
-        if (builder == builders.end()) continue;
-        const Eigen::Vector2d from_corner = p.head<2>() - corner_of({x, y});
-        builder->second.add({from_corner.x(), from_corner.y(), p.z()}, 1.0);
-      }
-    }
+    const maps::RegionId region = region_at(p.x(), p.y());
+    const Eigen::Vector2d from_corner = p.head<2>() - corner_of(region);
+    const auto block = [](double along_m) {
+      constexpr int kLast = static_cast<int>(kRegionM / RegionBuilder::kBlockM) - 1;
+      return std::clamp(static_cast<int>(along_m / RegionBuilder::kBlockM), 0, kLast);
+    };
+    blocks[{region, block(from_corner.x()), block(from_corner.y())}].emplace_back(
+        from_corner.x(), from_corner.y(), p.z());
+    const auto lowest = lowest_m.try_emplace(region, p.z()).first;
+    lowest->second = std::min(lowest->second, p.z());
   }
   std::map<maps::RegionId, RegionContent> regions;
-  for (const auto& [region, builder] : builders) regions.emplace(region, builder.content());
+  for (auto block = blocks.begin(); block != blocks.end();) {
+    const maps::RegionId region = std::get<0>(block->first);
+    RegionBuilder builder(options, lowest_m.at(region));
+    for (; block != blocks.end() && std::get<0>(block->first) == region; ++block) {
+      builder.begin_block(std::get<1>(block->first), std::get<2>(block->first));
+      for (const Eigen::Vector3d& p : block->second) builder.add(p, 1.0);
+    }
+    regions.emplace(region, std::move(builder).content());
+  }
   return regions;
 }
 

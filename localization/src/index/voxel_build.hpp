@@ -1,6 +1,7 @@
 #pragma once
 
 #include "index/index_bytes.hpp"
+#include "index_grid.hpp"
 #include "voxel_moments.hpp"
 
 #include <stillmap/localization/map_index.hpp>
@@ -9,31 +10,51 @@
 
 #include <Eigen/Core>
 
+#include <cstdint>
+#include <limits>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace stillmap::localization {
 
-/// Makes the voxels of one region from its points and from those around it, which its place grids
-/// look at. Points come in an order that does not depend on where the map's origin lies.
+/// Makes the voxels of one region from its points, block by block: sums of cells are twice as large
+/// as voxels, and there are more of them, so they are in memory for one block only.
 class RegionBuilder {
  public:
-  explicit RegionBuilder(const MapIndexOptions& options);
+  /// Blocks of a region are this wide [m]; cells of the coarsest level divide it.
+  static constexpr double kBlockM = 160.0;
 
-  /// Points farther than this outside a region change nothing in it [m]: whole cells of the
-  /// coarsest level.
-  [[nodiscard]] static double rim_m(const MapIndexOptions& options);
+  static_assert(kRegionM == 4 * kBlockM);
 
+  /// @param lowest_m  of all points, above the index's origin [m].
+  /// @throws maps::InputError beyond `kFarthestRegionM`.
+  RegionBuilder(const MapIndexOptions& options, double lowest_m);
+
+  /// Points from here on belong to a block. @param x, y  its place in the region.
+  void begin_block(int x, int y);
+  /// In an order that does not depend on where the map's origin lies.
   /// @param p  x, y from the region's corner, z above the index's origin [m], finite.
+  /// @throws maps::InputError for one outside of the block, or below the lowest.
   void add(const Eigen::Vector3d& p, double weight);
-  [[nodiscard]] RegionContent content() const;
+  [[nodiscard]] RegionContent content() &&;
 
  private:
+  using PlacedVoxel = std::pair<CellBlocks::Place, Voxel>;
+  /// Makes voxels of the block's cells.
+  void end_block();
+  [[nodiscard]] int cells_of_block() const;
+
   MapIndexOptions options_;
-  double rim_m_;
-  /// Of the finest level: x, y counted from the rim, z from `kCellsPerAxis` / 2 below the origin.
+  std::int32_t floor_;
+  /// Cells of the finest level at the block's lower corner.
+  Eigen::Array2i first_ = Eigen::Array2i::Zero();
+  /// Of the block, at the finest level: x, y counted from the region's corner, z from
+  /// `kCellsPerAxis` / 2 below the origin.
   MomentGrid grid_;
+  /// Of the blocks before, by level, coarse to fine.
+  std::vector<std::vector<PlacedVoxel>> voxels_;
 };
 
 /// The tiles of a map by region, and how they become voxels.
@@ -44,19 +65,22 @@ class MapRegions {
 
   /// By x, then y.
   [[nodiscard]] std::vector<maps::RegionId> regions() const;
-  /// Digest of what a region's voxels depend on: its tiles and those that touch it.
+  /// Digest of what a region's voxels depend on: its tiles.
   [[nodiscard]] std::string source_of(maps::RegionId region) const;
+  /// @param region  one of `regions()`.
   /// @throws maps::InputError for a tile that is damaged or holds a coordinate that is not finite.
   [[nodiscard]] RegionContent build(maps::RegionId region) const;
 
  private:
-  /// Of the region, and those of its neighbours that touch it; in an order that tells nothing of
-  /// other regions.
-  [[nodiscard]] std::vector<maps::TileId> tiles_around(maps::RegionId region) const;
-
   const maps::MapPackage& map_;
   MapIndexOptions options_;
-  std::map<maps::RegionId, std::vector<maps::TileId>> tiles_;
+  struct RegionTiles {
+    /// By x, then y.
+    std::vector<maps::TileId> tiles;
+    /// Of their points, above the map's origin [m].
+    double lowest_m = std::numeric_limits<double>::infinity();
+  };
+  std::map<maps::RegionId, RegionTiles> tiles_;
 };
 
 /// Voxels of points [m], relative to the index's origin, by region. @throws std::invalid_argument

@@ -370,6 +370,11 @@ std::vector<Eigen::Isometry3d> MapPackage::places() const {
   return read_kitti_poses(folder_ / kPlacesName);
 }
 
+void MapPackage::release_pages() const {
+  for (const auto& [id, file] : tiles_) file.release_pages();
+  if (packs_) packs_->release_pages();
+}
+
 std::vector<std::string> MapPackage::verify() const {
   std::vector<std::string> broken;
   for (const auto& [path, file] : manifest_.files) {

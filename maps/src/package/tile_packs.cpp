@@ -307,6 +307,10 @@ std::span<const std::byte> PackReader::bytes(TileId id) const {
   return pack_of(id, *tile).second.bytes().subspan(tile->offset, tile->bytes);
 }
 
+void PackReader::release_pages() const {
+  for (const auto& [path, pack] : packs_) pack.release_pages();
+}
+
 std::string PackReader::name_of(TileId id) const {
   const RegionTile* const tile = find(id);
   if (tile == nullptr) throw std::out_of_range(tile_name(id));

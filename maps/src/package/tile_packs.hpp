@@ -100,6 +100,8 @@ class PackReader {
   [[nodiscard]] std::optional<TileEntry> entry(TileId id) const;
   /// As they lie in the pack; empty when there is no such tile. Valid as long as this.
   [[nodiscard]] std::span<const std::byte> bytes(TileId id) const;
+  /// As `MapPackage::release_pages`.
+  void release_pages() const;
   /// Name of a tile with its pack, for messages. @throws std::out_of_range for one that is none.
   [[nodiscard]] std::string name_of(TileId id) const;
 

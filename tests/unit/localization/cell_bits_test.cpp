@@ -26,14 +26,13 @@ std::vector<Voxel> some_voxels() {
   return voxels;
 }
 
-/// By the definition: a voxel at most `spread` columns away whose metre of height is next to p's.
-unsigned expected_hit(const std::vector<Voxel>& voxels, const Eigen::Vector3f& p, float edge_m,
-                      int spread) {
+/// By the definition: a voxel of the column whose metre of height is next to p's.
+unsigned expected_hit(const std::vector<Voxel>& voxels, const Eigen::Vector3f& p, float edge_m) {
   if (p.x() < 0.0F || p.y() < 0.0F) return 0;
   const auto cell = [](float c, float edge) { return static_cast<int>(std::floor(c / edge)); };
   return std::any_of(voxels.begin(), voxels.end(), [&](const Voxel& v) {
-    return std::abs(cell(v.mean.x(), edge_m) - cell(p.x(), edge_m)) <= spread &&
-           std::abs(cell(v.mean.y(), edge_m) - cell(p.y(), edge_m)) <= spread &&
+    return cell(v.mean.x(), edge_m) == cell(p.x(), edge_m) &&
+           cell(v.mean.y(), edge_m) == cell(p.y(), edge_m) &&
            std::abs(cell(v.mean.z(), 1.0F) - cell(p.z(), 1.0F)) <= 1;
   });
 }
@@ -53,16 +52,18 @@ unsigned hit(const CellBits& bits, const Eigen::Vector3f& p) {
 
 TEST(CellBits, HitWhereAVoxelIsNear) {
   const std::vector<Voxel> voxels = some_voxels();
-  for (const PlaceGrid& grid : kPlaceGrids) {
-    const CellBitsTable table(voxels, grid.edge_m, grid.spread);
-    const CellBits bits = in_the_middle(table, grid.edge_m);
+  for (const float edge_m : kPlaceGridEdgesM) {
+    const CellBitsTable table(voxels, edge_m);
+    const CellBits bits = in_the_middle(table, edge_m);
     test::Random random(2);
     unsigned hits = 0;
     for (int k = 0; k < 4000; ++k) {
       const Eigen::Vector3f p(static_cast<float>(random.uniform(-5.0, 200.0)),
                               static_cast<float>(random.uniform(-5.0, 100.0)),
                               static_cast<float>(some_height(random)));
-      ASSERT_EQ(hit(bits, p), expected_hit(voxels, p, grid.edge_m, grid.spread)) << p.transpose();
+      ASSERT_EQ(hit(bits, p), expected_hit(voxels, p, edge_m)) << p.transpose();
+      ASSERT_EQ(bits.column(p.x(), p.y()) >> (CellBits::height_bit(p.z()) % 64U) & 1U,
+                hit(bits, p));
       hits += hit(bits, p);
     }
     EXPECT_GT(hits, 40U);
@@ -71,9 +72,9 @@ TEST(CellBits, HitWhereAVoxelIsNear) {
 }
 
 TEST(CellBits, AShiftCountsAsIfThePointsHadMoved) {
-  const PlaceGrid& grid = kPlaceGrids.front();
-  const CellBitsTable table(some_voxels(), grid.edge_m, grid.spread);
-  const CellBits bits = in_the_middle(table, grid.edge_m);
+  const float edge_m = kPlaceGridEdgesM.front();
+  const CellBitsTable table(some_voxels(), edge_m);
+  const CellBits bits = in_the_middle(table, edge_m);
   test::Random random(3);
   for (int k = 0; k < 300; ++k) {
     const Eigen::Vector3f p(static_cast<float>(random.uniform(0.0, 200.0)),
@@ -90,33 +91,34 @@ TEST(CellBits, AShiftCountsAsIfThePointsHadMoved) {
 }
 
 TEST(CellBits, OnlyTilesThatHoldSomethingTakeMemory) {
-  const CellBitsTable table(some_voxels(), 1.0F, 0);
+  const CellBitsTable table(some_voxels(), 1.0F);
   // Of the 20 x 20 tiles those of the two far corners.
   EXPECT_EQ(table.words().size(), (20 + 1) * 32 * 32);
 }
 
 TEST(CellBits, NothingIsHitOutside) {
-  const CellBitsTable table(some_voxels(), 2.0F, 1);
+  const CellBitsTable table(some_voxels(), 2.0F);
   const CellBits bits = in_the_middle(table, 2.0F);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(-0.5F, 50.0F, 5.0F)), 0U);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(203.0F, 50.0F, 5.0F)), 0U);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(50.0F, 103.0F, 5.0F)), 0U);
 }
 
-TEST(CellBits, APointMayLieInANeighbourAndAVoxelBesideTheRegionSpreadsIntoIt) {
-  std::vector<Voxel> voxels(2);
+TEST(CellBits, APointMayLieInANeighbour) {
+  std::vector<Voxel> voxels(1);
   voxels[0].mean = Eigen::Vector3f(639.5F, 3.5F, 3.5F);
-  // Of the neighbour's rim.
-  voxels[1].mean = Eigen::Vector3f(-0.5F, 300.5F, 3.5F);
-  const CellBitsTable table(voxels, 2.0F, 1);
+  const CellBitsTable table(voxels, 2.0F);
   const CellBits::Part parts[] = {{.tiles = table.tiles(), .words = table.words(), .x = 0, .y = 2},
                                   {.tiles = table.tiles(), .words = table.words(), .x = 1, .y = 1}};
   const CellBits bits(2.0F, parts);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(639.5F, 3.5F, 3.5F)), 1U);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(-0.5F, 643.5F, 3.5F)), 1U);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(-0.5F, 3.5F, 3.5F)), 0U);
-  EXPECT_EQ(hit(bits, Eigen::Vector3f(1.5F, 300.5F, 3.5F)), 1U);
-  EXPECT_EQ(hit(bits, Eigen::Vector3f(2.5F, 300.5F, 3.5F)), 0U);
+  // Columns outside of all regions hold nothing.
+  for (const float far_m : {-640.5F, 1280.5F, 1e30F, -1e9F, std::nanf("")}) {
+    EXPECT_EQ(bits.column(far_m, 3.5F), 0U);
+    EXPECT_EQ(bits.column(3.5F, far_m), 0U);
+  }
 }
 
 }  // namespace cell_bits_test

@@ -111,7 +111,7 @@ void expect_same(const MapIndex& a, const MapIndex& b) {
   const auto window_a = test::window_of(a);
   const auto window_b = test::window_of(b);
   EXPECT_EQ(window_a->origin(), window_b->origin());
-  for (std::size_t k = 0; k < kPlaceGrids.size(); ++k) {
+  for (std::size_t k = 0; k < kPlaceGridEdgesM.size(); ++k) {
     test::Random random(k);
     unsigned hits = 0;
     for (int n = 0; n < 2000; ++n) {
@@ -214,7 +214,7 @@ TEST_F(IndexFile, IsRefusedByNameAndMadeAnewWhenItIsNotTheOneWanted) {
       {good.substr(0, good.size() - 64), "expected " + std::to_string(good.size())},
       {good + std::string(64, '\0'), "expected " + std::to_string(good.size())},
       {with(0, 'x'), "another kind of file"},
-      {with(8, 3), "found format 3, expected format 2"},
+      {with(8, 2), "found format 2, expected format 3"},
       {with(100, 'x'), "checksum"},
       {bytes_of(MapIndex::open(*other_map)->file()), "an index of "},
       {bytes_of(MapIndex::open(*map_, coarse)->file()), "at least 6 points"},
@@ -401,6 +401,26 @@ TEST_F(IndexFile, BoundsThatNoMapHasAreRefusedEvenWithTheRightChecksum) {
   }
 }
 
+TEST(IndexRoot, APlaceWithoutAViewIsRefused) {
+  const IndexKey key{"", {}};
+  RootContent root;
+  root.bounds = Eigen::AlignedBox3d(Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones());
+  root.regions.push_back({});
+  root.places.resize(2);
+  root.views.resize(2);
+  root.views[1].sectors[39] = 5;
+  const std::vector<CacheLine> whole = to_bytes(key, root);
+  EXPECT_EQ(root_view(std::as_bytes(std::span(whole)), key, "root").views[1].sectors[39], 5U);
+  root.views.pop_back();
+  const std::vector<CacheLine> broken = to_bytes(key, root);
+  try {
+    (void)root_view(std::as_bytes(std::span(broken)), key, "root");
+    ADD_FAILURE();
+  } catch (const maps::InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("found 2 places with 1 views, expected a view of each"));
+  }
+}
+
 TEST_F(IndexFile, SectionsThatAreMissingOrLieOutsideAreRefusedEvenWithTheRightChecksum) {
   const IndexKey wanted = key();
   const std::string good = bytes_of(region_file());
@@ -491,7 +511,7 @@ TEST_F(IndexFile, WhereNoneCanBeWrittenItIsKeptInMemory) {
 
 TEST_F(IndexFile, HoldsTheBytesOfItsFormatNumber) {
   // When this fails, files that users have would be read as something else: count kFormat up.
-  EXPECT_EQ(index_format::kFormat, 2U);
+  EXPECT_EQ(index_format::kFormat, 3U);
   (void)open();
   // All but the header, which holds a digest.
   const auto sections_of = [](const fs::path& from) {
@@ -499,8 +519,8 @@ TEST_F(IndexFile, HoldsTheBytesOfItsFormatNumber) {
     return maps::crc32c(
         std::as_bytes(std::span<const char>(bytes).subspan(sizeof(maps::SectionHeader))));
   };
-  EXPECT_EQ(sections_of(region_file()), 1111902123U);
-  EXPECT_EQ(sections_of(file()), 2337006148U);
+  EXPECT_EQ(sections_of(region_file()), 3373597133U);
+  EXPECT_EQ(sections_of(file()), 323479076U);
 }
 
 /// Resident bytes of this process's mappings of a file.

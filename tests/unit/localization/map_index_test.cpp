@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 
@@ -81,6 +82,34 @@ TEST(MapIndex, VoxelOfAPlateHasItsNormalMeanAndVariances) {
   EXPECT_NEAR(voxel->variance0, 0.0, 1e-7);
   // Ten points 5 cm apart: 0.0025 (10^2 - 1) / 12, and 100 / 99 for the estimate from a sample.
   EXPECT_NEAR(voxel->variance2, 0.0025 * 99.0 / 12.0 * 100.0 / 99.0, 1e-5);
+}
+
+TEST(MapIndex, VoxelsOfNeighbouringBlocksAndRegionsHoldTheirOwnPoints) {
+  // Blocks are 160 m wide, regions 640 m; the lowest corner is the origin.
+  std::vector<Eigen::Vector3d> points{Eigen::Vector3d::Zero()};
+  for (const double border_m : {160.0, 640.0}) {
+    for (const double x :
+         {border_m - 0.3, border_m - 0.1, border_m, border_m + 0.2, border_m + 0.4})
+      for (const double y : {10.1, 10.2, 10.4}) points.emplace_back(x, y, 1.0 + 0.1 * y);
+  }
+  const auto index = MapIndex::build(points, {.min_points = 3});
+  const auto points_at = [&](double from_m, double to_m) {
+    std::vector<std::uint32_t> by_level;
+    const auto window = index->around(Eigen::Vector3d(from_m, 10.0, 1.0));
+    for (const MapIndex::Level& level : window->levels()) {
+      std::uint32_t& sum = by_level.emplace_back(0);
+      for (const auto& each : test::voxels_of(level)) {
+        // Of the region in the middle.
+        const double x = static_cast<double>(each.voxel->mean.x()) + window->origin().x();
+        if (x >= from_m && x < to_m) sum += each.voxel->points;
+      }
+    }
+    return by_level;
+  };
+  for (const double border_m : {160.0, 640.0}) {
+    EXPECT_THAT(points_at(border_m - 2.0, border_m), testing::Each(6U)) << border_m;
+    EXPECT_THAT(points_at(border_m, border_m + 2.0), testing::Each(9U)) << border_m;
+  }
 }
 
 TEST(MapIndex, OnlyAnUprightLineOfPointsIsAPole) {

@@ -96,7 +96,7 @@ TEST(PlaceSearch, LooksOnlyIntoTheHeadingsOfTheRegion) {
     for (const Eigen::Isometry3d& T : found) {
       const double heading_rad = std::atan2(T.linear()(1, 0), T.linear()(0, 0));
       // The window, half a heading, and the turns of the two later rounds.
-      EXPECT_LT(std::abs(std::remainder(heading_rad - yaw_rad, 2.0 * std::numbers::pi)), 0.47);
+      EXPECT_LT(std::abs(std::remainder(heading_rad - yaw_rad, 2.0 * std::numbers::pi)), 0.5);
     }
   }
 }

@@ -42,7 +42,7 @@ class MapIndex {
   /// Uses the files of a map's index as they lie: its root is read, and regions are memory-mapped
   /// when a query comes to them, and let go when others are asked for. Where there is no root, or
   /// it is broken or of another map, format or options, the regions that are not there are built,
-  /// each from its own tiles and those that touch it, and the files are written. What cannot be
+  /// each from its own tiles, and the files are written. What cannot be
   /// written (a read-only disk, another process writing it just now) is kept in memory. Same
   /// answers to the last bit each way. The files lie in the package's folder `index/`, outside of
   /// its digest; the folder must stay while the index is used.

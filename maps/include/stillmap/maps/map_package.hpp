@@ -244,6 +244,9 @@ class MapPackage {
   [[nodiscard]] std::vector<MapObject> objects() const;
   /// As `MapPackageWriter::write_places`; empty when the package lists none. @throws InputError.
   [[nodiscard]] std::vector<Eigen::Isometry3d> places() const;
+  /// Frees the memory of the tiles that were read so far. They are read again when they are asked
+  /// for. Safe from several threads.
+  void release_pages() const;
   /// Recomputes every SHA-256. @return the paths that do not match or cannot be read; empty when
   /// whole.
   [[nodiscard]] std::vector<std::string> verify() const;
