@@ -4,11 +4,14 @@
 
 #include <fmt/format.h>
 
+#include <fcntl.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <new>
 #include <system_error>
 
 namespace stillmap::mapping {
@@ -36,6 +39,21 @@ std::uint64_t ScratchFile::append(const void* bytes, std::size_t size) {
     done += static_cast<std::size_t>(written);
   }
   const std::uint64_t begin = end_;
+  end_ += size;
+  return begin;
+}
+
+void* ScratchFile::append_mapped(std::size_t size) {
+  // Without room on the disk, a write to the mapped page would end the process.
+  int error = EINTR;
+  while (error == EINTR) {
+    error = ::posix_fallocate(descriptor_, static_cast<off_t>(end_), static_cast<off_t>(size));
+  }
+  if (error != 0) throw maps::StorageError(path_.string(), std::strerror(error));
+  void* begin = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor_,
+                       static_cast<off_t>(end_));
+  if (begin == MAP_FAILED && errno == ENOMEM) throw std::bad_alloc();
+  if (begin == MAP_FAILED) throw maps::StorageError(path_.string(), std::strerror(errno));
   end_ += size;
   return begin;
 }

@@ -20,6 +20,10 @@ class ScratchFile {
   /// Not while another thread is in any other function. When it throws, nothing was appended.
   /// @return where the bytes begin.
   std::uint64_t append(const void* bytes, std::size_t size);
+  /// Appends zeros that lie in memory as long as they are used: the caller unmaps them, with
+  /// `munmap`. The disk keeps room for them. @param size  whole pages, in a file of such.
+  /// @throws std::bad_alloc without memory.
+  [[nodiscard]] void* append_mapped(std::size_t size);
   /// Safe from several threads.
   void read(std::uint64_t offset, void* bytes, std::size_t size) const;
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }

@@ -1,25 +1,19 @@
 #include "fusion/obstacle_map.hpp"
 
-#include "stacking/normals.hpp"
-
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <utility>
 
 namespace stillmap::mapping {
 namespace {
 
-constexpr float kVoxelM = 0.15F;
 constexpr float kSquareM = 2.0F;
-/// Normals are estimated in squares of this, so that few voxels lie at a border [m].
-constexpr float kPatchM = 16.0F;
 constexpr float kObstacleReachM = 35.0F;
 constexpr float kLowestM = 0.1F;
 constexpr float kHighestM = 4.0F;
 
 std::uint64_t obstacle_key(const Eigen::Vector3f& p) {
-  const Eigen::Array3i cell = (p / kVoxelM).array().floor().cast<int>();
+  const Eigen::Array3i cell = (p / kObstacleVoxelM).array().floor().cast<int>();
   return maps::signed_cell_key(cell.x(), cell.y(), cell.z());
 }
 
@@ -58,51 +52,10 @@ ScanObstacles reduce_obstacles(const std::vector<Eigen::Vector3f>& positions,
 }
 
 ObstacleMap::ObstacleMap(const std::vector<Obstacle>& obstacles) {
-  for (const Obstacle& each : obstacles) put(each);
-}
-
-void ObstacleMap::put(const Obstacle& obstacle) {
-  squares_[maps::plane_cell_key(square_of(obstacle.position.x(), kSquareM),
-                                square_of(obstacle.position.y(), kSquareM))]
-      .push_back(obstacle);
-}
-
-std::vector<Obstacle> ObstacleMap::all() const {
-  std::vector<Obstacle> obstacles;
-  for (const auto& [key, square] : squares_)
-    obstacles.insert(obstacles.end(), square.begin(), square.end());
-  return obstacles;
-}
-
-void ObstacleMap::add(const ScanObstacles& scan) {
-  for (const ScanObstacles::Voxel& voxel : scan.voxels) {
-    Sum& sum = sums_[voxel.key];
-    sum.sum += voxel.sum;
-    sum.points += voxel.points;
-    ++sum.scans;
-  }
-}
-
-void ObstacleMap::finish() {
-  std::map<std::pair<int, int>, std::vector<Obstacle>> patches;
-  // By place, whatever the order of the scans.
-  std::sort(sums_.begin(), sums_.end(), [](const auto& a, const auto& b) { return a.key < b.key; });
-  for (const auto& [key, sum] : sums_) {
-    Obstacle obstacle;
-    obstacle.position = sum.sum / static_cast<float>(sum.points);
-    obstacle.scans = sum.scans;
-    patches[{square_of(obstacle.position.x(), kPatchM), square_of(obstacle.position.y(), kPatchM)}]
-        .push_back(obstacle);
-  }
-  sums_.clear();
-  for (auto& [patch, obstacles] : patches) {
-    std::vector<Eigen::Vector3f> positions;
-    for (const Obstacle& each : obstacles) positions.push_back(each.position);
-    const std::vector<SurfaceNormal> normals = estimate_normals(positions, positions);
-    for (std::size_t i = 0; i < obstacles.size(); ++i) {
-      obstacles[i].planarity = normals[i].planarity;
-      put(obstacles[i]);
-    }
+  for (const Obstacle& each : obstacles) {
+    squares_[maps::plane_cell_key(square_of(each.position.x(), kSquareM),
+                                  square_of(each.position.y(), kSquareM))]
+        .push_back(each);
   }
 }
 

@@ -41,34 +41,19 @@ struct ScanObstacles {
                                              const GroundSurface& surface,
                                              const Eigen::Isometry3d& T_local_lidar);
 
-/// What stands on the ground, from all scans of a drive: far more of a thing than any one of them
-/// shows.
+/// Edge of the voxels [m].
+inline constexpr float kObstacleVoxelM = 0.15F;
+
+/// What stands on the ground around some place.
 class ObstacleMap {
  public:
-  ObstacleMap() = default;
-  /// A finished one. @param obstacles  as `all` gives them.
   explicit ObstacleMap(const std::vector<Obstacle>& obstacles);
 
-  /// Serial, in the scans' order.
-  void add(const ScanObstacles& scan);
-  /// Ends the adding. Once.
-  void finish();
-
-  /// Obstacles whose x and y lie in a circle [m]. Only after `finish`.
+  /// Obstacles whose x and y lie in a circle [m].
   [[nodiscard]] std::vector<const Obstacle*> around(const Eigen::Vector2d& centre,
                                                     double radius_m) const;
-  /// All of them; a map made of them answers the same, in the same order. Only after `finish`.
-  [[nodiscard]] std::vector<Obstacle> all() const;
 
  private:
-  struct Sum {
-    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-    std::uint32_t points = 0;
-    std::uint32_t scans = 0;
-  };
-  void put(const Obstacle& obstacle);
-
-  maps::CellMap<Sum> sums_;
   /// By square of 2 m.
   maps::CellMap<std::vector<Obstacle>> squares_;
 };

@@ -104,12 +104,15 @@ class Gathering {
 
 }  // namespace
 
+double reach_of_shape_m(const maps::Box& box) {
+  return 0.5 * box.size_m.head<2>().norm() + 1.5 * kRingToM;
+}
+
 StandingShape shape_of(const ObstacleMap& obstacles, const maps::Box& box) {
   const Eigen::Vector2d half = 0.5 * box.size_m.head<2>();
   const Eigen::Vector2d heading(std::cos(box.yaw_rad), std::sin(box.yaw_rad));
   Gathering gathering(half);
-  for (const Obstacle* each :
-       obstacles.around(box.centre.head<2>(), half.norm() + 1.5 * kRingToM)) {
+  for (const Obstacle* each : obstacles.around(box.centre.head<2>(), reach_of_shape_m(box))) {
     const Eigen::Vector3d p = each->position.cast<double>();
     const Eigen::Vector2d d = p.head<2>() - box.centre.head<2>();
     gathering.add({heading.dot(d), heading.x() * d.y() - heading.y() * d.x(), p.z()}, *each);

@@ -33,6 +33,9 @@ struct StandingShape {
   double scans = 0.0;
 };
 
+/// How far around its centre a box's shape is looked for [m].
+[[nodiscard]] double reach_of_shape_m(const maps::Box& box);
+
 /// @param box  local frame [m]; heights are not used.
 [[nodiscard]] StandingShape shape_of(const ObstacleMap& obstacles, const maps::Box& box);
 

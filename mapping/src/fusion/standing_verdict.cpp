@@ -118,15 +118,15 @@ std::vector<double> log_odds_by_drive(const std::vector<FusedObject>& objects,
   }
   std::vector<double> log_odds(objects.size(), 0.0);
   for (const auto& [drive, numbers] : by_drive) {
-    const auto seen = obstacles.read(drive);
     const auto of_drive =
         std::count_if(scans.begin(), scans.end(),
                       [own = drive](const DetectedScan& scan) { return scan.drive == own; });
     for (const std::size_t i : numbers) {
       maps::Box box = objects[i].placements.front().box;
       box.centre -= origin;
+      const ObstacleMap seen = obstacles.around(drive, box.centre.head<2>(), reach_of_shape_m(box));
       log_odds[i] =
-          vehicle_log_odds(objects[i], shape_of(*seen, box), static_cast<std::size_t>(of_drive));
+          vehicle_log_odds(objects[i], shape_of(seen, box), static_cast<std::size_t>(of_drive));
     }
   }
   return log_odds;

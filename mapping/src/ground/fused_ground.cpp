@@ -44,10 +44,15 @@ struct Corner {
 
 }  // namespace
 
+void FusedGround::add(const GroundCells& ground) {
+  if (finished_) throw std::logic_error("fused ground: added to after the end");
+  piles_.add(ground);
+}
+
 void FusedGround::finish(std::span<const GroundFootprint> footprints) {
   if (finished_) throw std::logic_error("fused ground: finished twice");
   finished_ = true;
-  MeasuredSheets ground = sheets_of(std::move(piles_).take_sheets());
+  MeasuredSheets ground = sheets_of(std::move(piles_).take_sheets(), scratch_);
   drop_islands(ground);
   suspect_ground_under(ground, footprints);
   smooth_measured(ground);

@@ -10,7 +10,7 @@
 
 #include <Eigen/Geometry>
 
-#include <memory>
+#include <filesystem>
 #include <optional>
 #include <span>
 
@@ -20,8 +20,19 @@ namespace stillmap::mapping {
 /// map frame less the map's origin).
 class FusedGround {
  public:
+  /// @param scratch  existing folder for what does not stay in memory; empty: all stays.
+  explicit FusedGround(const std::filesystem::path& scratch = {})
+      : scratch_(scratch), piles_(scratch), sheets_(scratch) {}
+
   /// Serial, in the scans' order; what a scan adds is a few thousand cells.
-  void add(const GroundCells& ground) { piles_.add(ground); }
+  /// @throws std::logic_error after `finish`.
+  void add(const GroundCells& ground);
+  /// Gives memory back; what is looked at next comes from the file. To be called every few hundred
+  /// scans. Safe beside threads that ask for the ground.
+  void rest() const {
+    piles_.rest();
+    sheets_.rest();
+  }
 
   /// Ends the adding. Once only.
   /// @param footprints  of objects that stood still; under them kerbs go on, and what was measured
@@ -43,6 +54,7 @@ class FusedGround {
   [[nodiscard]] const GroundSheets& sheets() const { return sheets_; }
 
  private:
+  std::filesystem::path scratch_;
   GroundPiles piles_;
   GroundSheets sheets_;
   bool finished_ = false;

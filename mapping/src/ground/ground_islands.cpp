@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <unordered_map>
 
 namespace stillmap::mapping {
@@ -20,8 +19,16 @@ constexpr int kReach = 4;
 /// Union-find over all cells of measured sheets.
 class Regions {
  public:
-  explicit Regions(std::size_t cells) : parent_(cells), size_(cells, 1) {
-    std::iota(parent_.begin(), parent_.end(), 0U);
+  Regions(std::size_t cells, const std::filesystem::path& scratch)
+      : parent_(scratch), size_(scratch) {
+    for (std::size_t cell = 0; cell < cells; ++cell) {
+      parent_.push_back(static_cast<std::uint32_t>(cell));
+      size_.push_back(1);
+    }
+  }
+  void rest() const {
+    parent_.rest();
+    size_.rest();
   }
   std::uint32_t root(std::uint32_t cell) {
     while (parent_[cell] != cell) {
@@ -41,14 +48,14 @@ class Regions {
   std::uint32_t size_of(std::uint32_t cell) { return size_[root(cell)]; }
 
  private:
-  std::vector<std::uint32_t> parent_;
-  std::vector<std::uint32_t> size_;
+  ScratchVector<std::uint32_t> parent_, size_;
 };
 
 class Islands {
  public:
   explicit Islands(MeasuredSheets& ground)
-      : ground_(ground), regions_(ground.piles.size() * GroundSheets::kNodes) {}
+      : ground_(ground),
+        regions_(std::size_t{ground.measured()} * GroundSheets::kNodes, ground.scratch) {}
 
   void drop() {
     each_measured([&](std::uint32_t s, int x, int y) {
@@ -89,7 +96,9 @@ class Islands {
 
   template <typename Use>
   void each_measured(const Use& use) {
-    for (std::uint32_t s = 0; s < ground_.piles.size(); ++s) {
+    for (std::uint32_t s = 0; s < ground_.measured(); ++s) {
+      ground_.stepped(s);
+      if (rests_after(s)) regions_.rest();
       for (int k = 0; k < GroundSheets::kNodes; ++k) {
         if (ground_.sheets[s].nodes[static_cast<std::size_t>(k)].measured())
           use(s, k % kIslandSide, k / kIslandSide);
@@ -113,7 +122,7 @@ class Islands {
     for (int dy = -kReach; dy <= kReach; ++dy) {
       for (int dx = -kReach; dx <= kReach; ++dx) {
         const auto there = ground_.sheets.beside(here.sheet, x + dx, y + dy);
-        if (there.sheet >= ground_.piles.size()) continue;
+        if (there.sheet >= ground_.measured()) continue;
         const GroundNode& node = ground_.sheets.node(there);
         if (!node.measured() || regions_.size_of(number_of(there)) < kIslandCells) continue;
         const Eigen::Vector2f step(static_cast<float>(dx), static_cast<float>(dy));
@@ -137,7 +146,7 @@ class Islands {
 
   void settle(GroundSheets::Place place, float around) {
     GroundNode& node = ground_.sheets.node(place);
-    GroundCellSum& cell = ground_.piles[place.sheet]->cells[static_cast<std::size_t>(place.node)];
+    GroundCellSum& cell = ground_.pile(place.sheet).cells[static_cast<std::size_t>(place.node)];
     if (cell.other_weight > 0.0F && std::abs(cell.other_z - around) <= kStandsOutM) {
       cell.z = node.z = cell.other_z;
       cell.weight = cell.other_weight;

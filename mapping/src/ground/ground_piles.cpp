@@ -35,28 +35,30 @@ int overlap_of(const GroundPile& a, const GroundPile& b) {
   return count;
 }
 
-using PilePointer = std::unique_ptr<GroundPile>;
-
 /// Joins the piles of one block into sheets; see `GroundPiles::take_sheets`.
-void join(std::vector<PilePointer> block, std::vector<PilePointer>& sheets) {
-  std::stable_sort(block.begin(), block.end(),
-                   [](const auto& a, const auto& b) { return weight_of(*a) > weight_of(*b); });
-  const std::size_t first = sheets.size();
-  for (PilePointer& pile : block) {
-    const int count = count_of(*pile);
+void join(std::vector<std::uint32_t> block, GroundPiles::Sheets& sheets) {
+  ScratchVector<GroundPile>& piles = sheets.piles;
+  std::vector<std::uint32_t>& numbers = sheets.numbers;
+  std::stable_sort(block.begin(), block.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return weight_of(piles[a]) > weight_of(piles[b]);
+  });
+  const std::size_t first = numbers.size();
+  for (const std::uint32_t number : block) {
+    const GroundPile& pile = piles[number];
+    const int count = count_of(pile);
     bool joined = false;
-    for (std::size_t s = first; s < sheets.size() && !joined; ++s) {
-      if (4 * overlap_of(*sheets[s], *pile) > count) continue;
-      for (std::size_t k = 0; k < pile->cells.size(); ++k) {
-        GroundCellSum& cell = sheets[s]->cells[k];
-        if (pile->cells[k].weight > cell.weight) cell = pile->cells[k];
+    for (std::size_t s = first; s < numbers.size() && !joined; ++s) {
+      GroundPile& sheet = piles[numbers[s]];
+      if (4 * overlap_of(sheet, pile) > count) continue;
+      for (std::size_t k = 0; k < pile.cells.size(); ++k) {
+        if (pile.cells[k].weight > sheet.cells[k].weight) sheet.cells[k] = pile.cells[k];
       }
       joined = true;
     }
     if (joined) continue;
-    const bool light = sheets.size() > first && count < kLevelCells &&
-                       weight_of(*pile) < kLevelWeight * weight_of(*sheets[first]);
-    if (!light) sheets.push_back(std::move(pile));
+    const bool light = numbers.size() > first && count < kLevelCells &&
+                       weight_of(pile) < kLevelWeight * weight_of(piles[numbers[first]]);
+    if (!light) numbers.push_back(number);
   }
 }
 
@@ -98,12 +100,12 @@ GroundPile& GroundPiles::pile_for(std::int32_t block_x, std::int32_t block_y, fl
   const auto [first, fresh] = first_.insert(maps::plane_cell_key(block_x, block_y), number);
   if (!fresh) {
     for (std::uint32_t p = *first; p != GroundSheets::kNone; p = next_[p]) {
-      if (std::abs(piles_[p]->anchor_z - z) <= kPileM) return *piles_[p];
+      if (std::abs(piles_[p].anchor_z - z) <= kPileM) return piles_[p];
     }
   } else {
     blocks_.push_back(number);
   }
-  GroundPile& pile = *piles_.emplace_back(std::make_unique<GroundPile>());
+  GroundPile& pile = piles_.push_back({});
   pile.block_x = block_x;
   pile.block_y = block_y;
   pile.anchor_z = z;
@@ -129,16 +131,15 @@ void GroundPiles::add(const GroundCells& ground) {
   }
 }
 
-std::vector<std::unique_ptr<GroundPile>> GroundPiles::take_sheets() && {
-  std::vector<PilePointer> sheets;
-  sheets.reserve(blocks_.size());
-  for (const std::uint32_t block : blocks_) {
-    std::vector<PilePointer> piles;
-    for (std::uint32_t p = block; p != GroundSheets::kNone; p = next_[p])
-      piles.push_back(std::move(piles_[p]));
+GroundPiles::Sheets GroundPiles::take_sheets() && {
+  Sheets sheets{std::move(piles_), {}};
+  sheets.numbers.reserve(blocks_.size());
+  for (std::size_t i = 0; i < blocks_.size(); ++i) {
+    std::vector<std::uint32_t> piles;
+    for (std::uint32_t p = blocks_[i]; p != GroundSheets::kNone; p = next_[p]) piles.push_back(p);
     join(std::move(piles), sheets);
+    if (rests_after(i)) sheets.piles.rest();
   }
-  piles_.clear();
   next_.clear();
   first_.clear();
   blocks_.clear();

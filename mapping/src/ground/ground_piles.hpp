@@ -1,13 +1,14 @@
 #pragma once
 
+#include "core/scratch_vector.hpp"
 #include "ground/ground_cells.hpp"
+#include "ground/ground_sheets.hpp"
 
 #include <stillmap/maps/cell_table.hpp>
-#include "ground/ground_sheets.hpp"
 
 #include <array>
 #include <cstdint>
-#include <memory>
+#include <filesystem>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -42,18 +43,26 @@ struct GroundPile {
 /// Gathers the ground of scans, in their order.
 class GroundPiles {
  public:
-  void add(const GroundCells& ground);
+  /// @param scratch  as of `ScratchPieces`.
+  explicit GroundPiles(const std::filesystem::path& scratch) : piles_(scratch) {}
 
-  /// One pile a sheet: piles of a block that fill each other's gaps are joined (a wall between
-  /// two yards), those that lie over each other stay apart (a bridge). A small one over or under
-  /// a heavier one is dropped (a mirror image).
-  [[nodiscard]] std::vector<std::unique_ptr<GroundPile>> take_sheets() &&;
+  void add(const GroundCells& ground);
+  /// Gives memory back; what is added to next comes from the file.
+  void rest() const { piles_.rest(); }
+
+  /// The piles, and of these, by number, those that are a sheet: piles of a block that fill each
+  /// other's gaps are joined into one (a wall between two yards), those that lie over each other
+  /// stay apart (a bridge). A small one over or under a heavier one is dropped (a mirror image).
+  struct Sheets {
+    ScratchVector<GroundPile> piles;
+    std::vector<std::uint32_t> numbers;
+  };
+  [[nodiscard]] Sheets take_sheets() &&;
 
  private:
   GroundPile& pile_for(std::int32_t block_x, std::int32_t block_y, float z);
 
-  /// Each on its own: they are large, and pass from here to the finished ground.
-  std::vector<std::unique_ptr<GroundPile>> piles_;
+  ScratchVector<GroundPile> piles_;
   std::vector<std::uint32_t> next_;
   maps::CellMap<std::uint32_t> first_;
   /// Of blocks, in the order that they came in.

@@ -1,6 +1,7 @@
 #include "ground/ground_sheets.hpp"
 
 #include <cmath>
+#include <tuple>
 
 namespace stillmap::mapping {
 namespace {
@@ -15,7 +16,7 @@ constexpr double kAboveM = 0.5;
 
 std::uint32_t GroundSheets::add(std::int32_t block_x, std::int32_t block_y) {
   const auto number = static_cast<std::uint32_t>(sheets_.size());
-  Sheet& sheet = sheets_.emplace_back();
+  Sheet& sheet = sheets_.push_back({});
   sheet.block_x = block_x;
   sheet.block_y = block_y;
   sheet.around.fill(kNone);
@@ -60,8 +61,12 @@ void GroundSheets::join() {
       const std::int32_t y = block_y + k / 3 - 1;
       if (nearest_in(x, y, z) == kNone) sheets_[add(x, y)].mean_z = z;
     }
+    if (rests_after(s)) rest();
   }
-  for (std::uint32_t s = 0; s < sheets_.size(); ++s) join(s);
+  for (std::uint32_t s = 0; s < sheets_.size(); ++s) {
+    join(s);
+    if (rests_after(s)) rest();
+  }
 }
 
 std::optional<GroundSheets::Place> GroundSheets::find(int cell_x, int cell_y,

@@ -1,12 +1,13 @@
 #pragma once
 
+#include "core/scratch_vector.hpp"
 #include "ground/ground_cells.hpp"
 
 #include <stillmap/maps/cell_table.hpp>
 
 #include <array>
 #include <cstdint>
-#include <deque>
+#include <filesystem>
 #include <optional>
 #include <vector>
 
@@ -60,6 +61,12 @@ class GroundSheets {
     int node = 0;
   };
 
+  /// @param scratch  as of `ScratchPieces`.
+  explicit GroundSheets(const std::filesystem::path& scratch) : sheets_(scratch) {}
+
+  /// Gives memory back; what is looked at next comes from the file. Safe beside threads that read.
+  void rest() const { sheets_.rest(); }
+
   /// @return the new sheet's number. Its neighbours are joined by `join`.
   std::uint32_t add(std::int32_t block_x, std::int32_t block_y);
   /// Adds an empty sheet beside every sheet that has none within 2 m of its height, so that the
@@ -93,8 +100,7 @@ class GroundSheets {
   [[nodiscard]] std::uint32_t nearest_in(std::int32_t block_x, std::int32_t block_y, float z) const;
   void join(std::uint32_t sheet);
 
-  /// A deque, since sheets are large and many.
-  std::deque<Sheet> sheets_;
+  ScratchVector<Sheet> sheets_;
   /// First sheet of each block; the others follow in `next_`.
   maps::CellMap<std::uint32_t> first_;
   std::vector<std::uint32_t> next_;

@@ -19,8 +19,8 @@ constexpr std::size_t kMinPairs = 16;
 constexpr float kMaxGroundSlope = 1.0F;
 
 const GroundCellSum* sum_at(const MeasuredSheets& ground, GroundSheets::Place place) {
-  if (place.sheet >= ground.piles.size()) return nullptr;
-  return &ground.piles[place.sheet]->cells[static_cast<std::size_t>(place.node)];
+  if (place.sheet >= ground.measured()) return nullptr;
+  return &ground.pile(place.sheet).cells[static_cast<std::size_t>(place.node)];
 }
 
 /// Median rise over 1 m along one axis: where a kerb crosses, most pairs do not cross it.
@@ -47,7 +47,8 @@ void find_slopes(MeasuredSheets& ground) {
   const std::size_t count = ground.sheets.size();
   ground.slopes.assign(count, Eigen::Vector2f::Zero());
   std::vector<std::uint8_t> known(count, 0);
-  for (std::uint32_t s = 0; s < ground.piles.size(); ++s) {
+  for (std::uint32_t s = 0; s < ground.measured(); ++s) {
+    ground.stepped(s);
     const auto x = rise_along(ground, s, kPairCells, 0);
     const auto y = rise_along(ground, s, 0, kPairCells);
     if (!x || !y) continue;
@@ -57,6 +58,7 @@ void find_slopes(MeasuredSheets& ground) {
   for (int round = 0; round < 3; ++round) {
     const std::vector<std::uint8_t> before = known;
     for (std::uint32_t s = 0; s < count; ++s) {
+      ground.stepped(s);
       if (before[s] != 0) continue;
       Eigen::Vector2f sum = Eigen::Vector2f::Zero();
       float around = 0.0F;
@@ -86,7 +88,7 @@ struct NodeSums {
 
 void smooth(MeasuredSheets& ground, std::uint32_t sheet, int x, int y) {
   const GroundCellSum& cell =
-      ground.piles[sheet]->cells[static_cast<std::size_t>(y * kSheetSide + x)];
+      ground.pile(sheet).cells[static_cast<std::size_t>(y * kSheetSide + x)];
   const Eigen::Vector2f slope = ground.slopes[sheet];
   const Eigen::Vector2f at(cell.offset_x, cell.offset_y);
   NodeSums sums;
@@ -129,14 +131,15 @@ std::uint8_t ground_confidence_255(float weight) {
   return static_cast<std::uint8_t>(255.0F * weight / (weight + kHalf));
 }
 
-MeasuredSheets sheets_of(std::vector<std::unique_ptr<GroundPile>> piles) {
-  MeasuredSheets ground;
-  ground.piles = std::move(piles);
-  for (const auto& pile : ground.piles) {
-    GroundSheets::Sheet& sheet = ground.sheets[ground.sheets.add(pile->block_x, pile->block_y)];
+MeasuredSheets sheets_of(GroundPiles::Sheets piles, const std::filesystem::path& scratch) {
+  MeasuredSheets ground{GroundSheets(scratch), std::move(piles), {}, scratch};
+  for (std::uint32_t s = 0; s < ground.measured(); ++s) {
+    ground.stepped(s);
+    const GroundPile& pile = ground.pile(s);
+    GroundSheets::Sheet& sheet = ground.sheets[ground.sheets.add(pile.block_x, pile.block_y)];
     double sum = 0.0, z = 0.0;
-    for (std::size_t k = 0; k < pile->cells.size(); ++k) {
-      const GroundCellSum& cell = pile->cells[k];
+    for (std::size_t k = 0; k < pile.cells.size(); ++k) {
+      const GroundCellSum& cell = pile.cells[k];
       if (cell.weight <= 0.0F) continue;
       GroundNode& node = sheet.nodes[k];
       node.z = cell.z;
@@ -154,7 +157,8 @@ MeasuredSheets sheets_of(std::vector<std::unique_ptr<GroundPile>> piles) {
 }
 
 void smooth_measured(MeasuredSheets& ground) {
-  for (std::uint32_t s = 0; s < ground.piles.size(); ++s) {
+  for (std::uint32_t s = 0; s < ground.measured(); ++s) {
+    ground.stepped(s);
     for (int k = 0; k < GroundSheets::kNodes; ++k) {
       if (ground.sheets[s].nodes[static_cast<std::size_t>(k)].state == GroundState::kKnown)
         smooth(ground, s, k % kSheetSide, k / kSheetSide);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace stillmap::mapping {
 namespace {
@@ -47,25 +48,49 @@ std::optional<GroundNode> from_around(const MeasuredSheets& ground, GroundSheets
   return node;
 }
 
-/// Places next to `from` that are no source yet, each once, in a fixed order.
-std::vector<GroundSheets::Place> ring_around(const MeasuredSheets& ground,
-                                             const std::vector<GroundSheets::Place>& from,
-                                             std::vector<std::uint8_t>& seen) {
-  std::vector<GroundSheets::Place> ring;
-  for (const GroundSheets::Place place : from) {
+using Places = ScratchVector<GroundSheets::Place>;
+
+/// What spreading needs for each cell.
+struct Spreading {
+  explicit Spreading(const std::filesystem::path& scratch)
+      : ring(scratch), last(scratch), filled(scratch), nodes(scratch), seen(scratch) {}
+
+  Places ring, last, filled;
+  /// Of the ring's places.
+  ScratchVector<GroundNode> nodes;
+  /// One a cell.
+  ScratchVector<std::uint8_t> seen;
+
+  /// In a pass over places, of which a ring has some 8 in a sheet.
+  void stepped(const MeasuredSheets& ground, std::size_t place) const {
+    constexpr std::size_t kPlacesOfSheet = 8;
+    if (place % kPlacesOfSheet != 0 || !rests_after(place / kPlacesOfSheet)) return;
+    ground.stepped(place / kPlacesOfSheet);
+    for (const Places* places : {&ring, &last, &filled}) places->rest();
+    nodes.rest();
+    seen.rest();
+  }
+};
+
+/// Makes the ring of places next to the last one that are no source yet, each once, in a fixed
+/// order.
+void ring_around_last(const MeasuredSheets& ground, Spreading& spreading) {
+  spreading.ring.clear();
+  for (std::size_t i = 0; i < spreading.last.size(); ++i) {
+    spreading.stepped(ground, i);
+    const GroundSheets::Place place = spreading.last[i];
     const int x = place.node % kSide;
     const int y = place.node / kSide;
     for (int k = 0; k < 9; ++k) {
       const auto there = ground.sheets.beside(place.sheet, x + k % 3 - 1, y + k / 3 - 1);
       if (there.sheet == GroundSheets::kNone || is_source(ground.sheets.node(there))) continue;
-      std::uint8_t& mark = seen[std::size_t{there.sheet} * GroundSheets::kNodes +
-                                static_cast<std::size_t>(there.node)];
+      std::uint8_t& mark = spreading.seen[std::size_t{there.sheet} * GroundSheets::kNodes +
+                                          static_cast<std::size_t>(there.node)];
       if (mark != 0) continue;
       mark = 1;
-      ring.push_back(there);
+      spreading.ring.push_back(there);
     }
   }
-  return ring;
 }
 
 /// Moves a filled cell to the mean of what its four neighbours' planes say.
@@ -92,46 +117,54 @@ void iron(MeasuredSheets& ground, GroundSheets::Place here) {
 }
 
 /// Forgets what was filled; suspects stay suspects.
-std::vector<GroundSheets::Place> start(MeasuredSheets& ground) {
-  std::vector<GroundSheets::Place> known;
+void start(MeasuredSheets& ground, Places& known) {
   for (std::uint32_t s = 0; s < ground.sheets.size(); ++s) {
+    ground.stepped(s);
     for (int k = 0; k < GroundSheets::kNodes; ++k) {
       GroundNode& node = ground.sheets[s].nodes[static_cast<std::size_t>(k)];
       if (node.state == GroundState::kKnown) known.push_back({s, k});
       if (node.state == GroundState::kFilled) node = GroundNode{};
     }
   }
-  return known;
 }
 
 }  // namespace
 
 void spread_ground(MeasuredSheets& ground) {
-  std::vector<GroundSheets::Place> ring = start(ground);
-  std::vector<std::uint8_t> seen(ground.sheets.size() * GroundSheets::kNodes, 0);
-  std::vector<GroundSheets::Place> filled;
+  Spreading spreading(ground.scratch);
+  for (std::size_t i = 0; i < ground.sheets.size() * GroundSheets::kNodes; ++i)
+    spreading.seen.push_back(0);
+  start(ground, spreading.ring);
+  const Places& ring = spreading.ring;
   for (std::uint8_t reach = 1; reach <= kReachCells && !ring.empty(); ++reach) {
-    ring = ring_around(ground, ring, seen);
-    std::vector<GroundNode> nodes;
-    nodes.reserve(ring.size());
-    for (const GroundSheets::Place place : ring)
-      nodes.push_back(from_around(ground, place).value_or(GroundNode{}));
+    std::swap(spreading.ring, spreading.last);
+    ring_around_last(ground, spreading);
+    spreading.nodes.clear();
     for (std::size_t k = 0; k < ring.size(); ++k) {
-      nodes[k].reach = reach;
-      ground.sheets.node(ring[k]) = nodes[k];
+      spreading.nodes.push_back(from_around(ground, ring[k]).value_or(GroundNode{}));
+      spreading.stepped(ground, k);
     }
-    filled.insert(filled.end(), ring.begin(), ring.end());
+    for (std::size_t k = 0; k < ring.size(); ++k) {
+      spreading.nodes[k].reach = reach;
+      ground.sheets.node(ring[k]) = spreading.nodes[k];
+      spreading.filled.push_back(ring[k]);
+      spreading.stepped(ground, k);
+    }
   }
   for (int round = 0; round < kIronings; ++round) {
-    for (const GroundSheets::Place place : filled) iron(ground, place);
+    for (std::size_t k = 0; k < spreading.filled.size(); ++k) {
+      iron(ground, spreading.filled[k]);
+      spreading.stepped(ground, k);
+    }
   }
 }
 
 std::size_t accept_suspects(MeasuredSheets& ground) {
   std::size_t accepted = 0;
-  for (std::uint32_t s = 0; s < ground.piles.size(); ++s) {
+  for (std::uint32_t s = 0; s < ground.measured(); ++s) {
+    ground.stepped(s);
     for (int k = 0; k < GroundSheets::kNodes; ++k) {
-      const GroundCellSum& cell = ground.piles[s]->cells[static_cast<std::size_t>(k)];
+      const GroundCellSum& cell = ground.pile(s).cells[static_cast<std::size_t>(k)];
       GroundNode& node = ground.sheets[s].nodes[static_cast<std::size_t>(k)];
       if (node.state != GroundState::kFilled || cell.weight <= 0.0F) continue;
       const float spread_z = node.z + node.slope_x * cell.offset_x + node.slope_y * cell.offset_y;

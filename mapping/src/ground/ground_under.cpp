@@ -117,9 +117,9 @@ class Window {
 
   /// Makes a suspect ground when it lies on the planes.
   void accept(Cell& cell, GroundNode& node, double plane_z) const {
-    if (cell.place.sheet >= ground_.piles.size()) return;
+    if (cell.place.sheet >= ground_.measured()) return;
     const GroundCellSum& sum =
-        ground_.piles[cell.place.sheet]->cells[static_cast<std::size_t>(cell.place.node)];
+        ground_.pile(cell.place.sheet).cells[static_cast<std::size_t>(cell.place.node)];
     if (sum.weight <= 0.0F || std::abs(static_cast<double>(sum.z) - plane_z) > kSuspectM) return;
     node.z = sum.z;
     node.state = GroundState::kKnown;
@@ -200,11 +200,14 @@ void lay_ground_under(MeasuredSheets& ground, std::span<const GroundFootprint> f
   // All are fitted before any is laid, so that their order does not count.
   std::vector<FittedFootprint> fitted;
   fitted.reserve(footprints.size());
-  for (const GroundFootprint& footprint : footprints)
+  for (const GroundFootprint& footprint : footprints) {
     fitted.push_back(Window(ground, footprint).fit());
+    ground.stepped(fitted.size());
+  }
   continue_kerbs(footprints, fitted);
   for (std::size_t i = 0; i < footprints.size(); ++i) {
     if (fitted[i].planes) Window(ground, footprints[i]).lay(*fitted[i].planes);
+    ground.stepped(i);
   }
 }
 

@@ -36,8 +36,8 @@ class DriveScans final : public ScanSource {
   }
   [[nodiscard]] PosedScan read(std::size_t scan) const override {
     Counts unused;
-    const std::vector<bool>& ground = build_.survey->scans.at(scan).is_ground;
-    const std::vector<bool>& object = build_.placed->in_object.at(scan);
+    const std::vector<bool> ground = build_.survey->is_ground.read(scan);
+    const std::vector<bool> object = build_.placed->in_object.value().read(scan);
     return {T_local_lidar(scan),
             build_.drives->read(scan, unused).cloud.positions,
             {ground.begin(), ground.end()},
@@ -274,6 +274,7 @@ void finish_tiles(Build& build) {
     build.tell("tiles", ++done, ids.size());
   };
   for (const RegionTiles& region : regions_of(ids)) {
+    build.survey->ground.rest();
     TileWindow window(build.placed->stack, *build.grid, region.with_rim, region.shared);
     for (auto begin = region.own.begin(); begin != region.own.end();) {
       const std::int32_t x = begin->x;

@@ -25,7 +25,7 @@ std::vector<DetectedScan> detected_scans(const DriveSet& drives, const Survey& s
   scans.reserve(drives.size());
   for (std::size_t i = 0; i < drives.size(); ++i)
     scans.push_back(
-        {drives.place(i).drive, drives.stamp_ns(i), drives.T_map_scan(i), survey.scans[i].boxes});
+        {drives.place(i).drive, drives.stamp_ns(i), drives.T_map_scan(i), survey.boxes[i]});
   return scans;
 }
 

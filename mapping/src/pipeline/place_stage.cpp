@@ -32,15 +32,19 @@ void place_scans(Build& build) {
   const BuildTask& task = build.task;
   build.placed = std::make_unique<Placed>(task.scratch);
   Placed& placed = *build.placed;
+  if (task.cleaner != nullptr) placed.in_object.emplace(task.scratch);
   const FusedGround* ground = task.options.fusion ? &survey.ground : nullptr;
   task.writer.set_drives(drive_counts(drives, objects));
   const PosedViews views = posed_views(drives, survey.views, build.grid->origin());
+  std::size_t done = 0;
   process_in_order(
       drives.size(), task.options.threads,
       [&](std::size_t scan) {
-        return build.scan_work->place(
-            {scan, survey.scans[scan], objects.by_scan[scan], objects.kept_by_scan[scan]}, ground,
-            views);
+        return build.scan_work->place({scan,
+                                       {survey.is_ground.read(scan), survey.weather.read(scan)},
+                                       objects.by_scan[scan],
+                                       objects.kept_by_scan[scan]},
+                                      ground, views);
       },
       [&](PlacedScan scan) {
         {
@@ -48,11 +52,12 @@ void place_scans(Build& build) {
           placed.stack.add(scan.voxels);
         }
         task.writer.add_fates(scan.fates);
-        placed.in_object.push_back(std::move(scan.in_object));
+        if (placed.in_object) placed.in_object->append(scan.in_object);
         add_to(placed.points_removed, scan.points_removed);
         add_to(build.result.points, scan.counts);
         add_to(build.result.stage_seconds, scan.stage_seconds);
-        build.tell("place", placed.in_object.size(), drives.size());
+        if (++done % kRestScans == 0) survey.ground.rest();
+        build.tell("place", done, drives.size());
       },
       task.cancel);
 }

@@ -1,11 +1,12 @@
 #pragma once
 
+#include "core/flag_store.hpp"
 #include "stacking/tile_stack.hpp"
 
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <vector>
+#include <optional>
 
 namespace stillmap::mapping {
 
@@ -15,8 +16,8 @@ struct Placed {
 
   TileStack stack;
   /// By ordinal of the scan, one a point of the scan as `DriveSet::read` gives it: whether it was
-  /// projected or deleted.
-  std::vector<std::vector<bool>> in_object;
+  /// projected or deleted. Only with a method that needs the whole map at once.
+  std::optional<FlagStore> in_object;
   /// By number of the object plus 1.
   std::map<std::uint32_t, std::uint64_t> points_removed;
 };

@@ -64,7 +64,7 @@ struct ScanObject {
 /// What is known of a scan when it is placed.
 struct ScanToPlace {
   std::size_t number = 0;
-  const FoundInScan& found;
+  FoundInScan found;
   const std::vector<ScanObject>& objects;
   /// Regions in which every point stays; lidar frame.
   const std::vector<maps::Box>& kept;

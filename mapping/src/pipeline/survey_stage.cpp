@@ -80,8 +80,10 @@ class Surveying {
     survey_->sources += fmt::format("{}  {}\n", scan.sha256, drives_.name(scan.scan));
     add_to(survey_->counts, scan.counts);
     add_to(survey_->stage_seconds, scan.stage_seconds);
-    survey_->scans.push_back(
-        {{std::move(scan.is_ground), std::move(scan.weather)}, std::move(scan.boxes)});
+    survey_->is_ground.append(scan.is_ground);
+    survey_->weather.append(scan.weather);
+    survey_->boxes.push_back(std::move(scan.boxes));
+    if (survey_->boxes.size() % kRestScans == 0) survey_->ground.rest();
     tell_progress(resumed);
   }
 
@@ -97,9 +99,9 @@ class Surveying {
     if (!progress_) return;
     const std::size_t before = survey_->resumed;
     if (resumed)
-      progress_("resume", survey_->scans.size(), before);
+      progress_("resume", survey_->boxes.size(), before);
     else
-      progress_("survey", survey_->scans.size() - before, drives_.size() - before);
+      progress_("survey", survey_->boxes.size() - before, drives_.size() - before);
   }
 
   const DriveSet& drives_;

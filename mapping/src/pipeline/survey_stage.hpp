@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/flag_store.hpp"
 #include "drives/drive_set.hpp"
 #include "fusion/obstacle_store.hpp"
 #include "ground/fused_ground.hpp"
@@ -16,16 +17,19 @@
 
 namespace stillmap::mapping {
 
+/// After so many scans a build has gone some hundred metres on.
+inline constexpr std::size_t kRestScans = 256;
+
 /// What was found scan by scan.
 struct Survey {
-  struct Scan : FoundInScan {
-    std::vector<maps::Box> boxes;
-  };
   /// `scratch` is a folder.
-  explicit Survey(const std::filesystem::path& scratch) : obstacles(scratch), views(scratch) {}
+  explicit Survey(const std::filesystem::path& scratch)
+      : is_ground(scratch), weather(scratch), ground(scratch), obstacles(scratch), views(scratch) {}
 
-  /// By ordinal.
-  std::vector<Scan> scans;
+  /// By ordinal of the scan.
+  std::vector<std::vector<maps::Box>> boxes;
+  /// Flags as in `FoundInScan`.
+  FlagStore is_ground, weather;
   FusedGround ground;
   ObstacleStore obstacles;
   RangeViewStore views;

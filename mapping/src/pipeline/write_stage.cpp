@@ -23,7 +23,7 @@ std::map<std::string, std::uint64_t> object_counts(const Build& build,
   std::map<std::string, std::uint64_t> counts{{"parked", 0}, {"moving", 0}};
   for (const maps::MapObject& object : objects) ++counts[std::string(name_of(object.motion))];
   counts["boxes"] = 0;
-  for (const Survey::Scan& scan : build.survey->scans) counts["boxes"] += scan.boxes.size();
+  for (const auto& boxes : build.survey->boxes) counts["boxes"] += boxes.size();
   for (const auto& [reason, count] : build.scan_work->dropped_boxes())
     counts["dropped: " + reason] = count;
   counts["edits_applied"] = build.objects.edits.applied;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <stillmap/maps/error.hpp>
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <stdexcept>
@@ -27,8 +28,9 @@ ScanObstacles wall(float height_m) {
   return scan;
 }
 
-std::vector<Obstacle> around_of(const ObstacleMap& map) {
+std::vector<Obstacle> around_of(const ObstacleStore& store, std::size_t drive) {
   std::vector<Obstacle> found;
+  const ObstacleMap map = store.around(drive, {4.0, 4.0}, 3.0);
   for (const Obstacle* each : map.around({4.0, 4.0}, 3.0)) found.push_back(*each);
   return found;
 }
@@ -52,23 +54,63 @@ TEST(ObstacleStore, GivesEveryDriveItsOwnObstaclesBack) {
   }
   store.finish();
   for (const std::size_t drive : {3U, 0U, 1U, 0U}) {
-    ObstacleMap alone;
-    alone.add(wall(1.0F + static_cast<float>(drive)));
-    alone.add(wall(1.0F + static_cast<float>(drive)));
+    ObstacleStore alone(folder.path());
+    alone.add(0, wall(1.0F + static_cast<float>(drive)));
+    alone.add(0, wall(1.0F + static_cast<float>(drive)));
     alone.finish();
-    ASSERT_GT(around_of(alone).size(), 30U);
-    expect_same(around_of(*store.read(drive)), around_of(alone));
+    ASSERT_GT(around_of(alone, 0).size(), 30U);
+    expect_same(around_of(store, drive), around_of(alone, 0));
   }
-  EXPECT_THROW(static_cast<void>(store.read(2)), std::out_of_range);
+  EXPECT_THAT(around_of(store, 2), testing::IsEmpty());
 }
 
-TEST(ObstacleStore, NeedsNoFileForASingleDriveAndLeavesNoneBehind) {
+/// Voxels of a field of 60 m by 60 m, some of them again in later scans.
+std::vector<ScanObstacles> many_scans() {
+  std::vector<ScanObstacles> scans(30);
+  for (std::size_t scan = 0; scan < scans.size(); ++scan) {
+    for (std::int64_t i = 0; i < 900; ++i) {
+      const auto number = static_cast<std::int64_t>((scan * 211 + 1) * 7 + 13 * i);
+      const std::int64_t x = number % 400 - 100, y = number * 31 % 400 - 100, z = number % 9;
+      // In parts of 64, so that sums are exact in any order.
+      const Eigen::Vector3f p =
+          0.15F *
+              Eigen::Vector3f(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)) +
+          Eigen::Vector3f::Constant(0.07F);
+      scans[scan].voxels.push_back(
+          {maps::signed_cell_key(x, y, z), (p * 64.0F).array().round().matrix() / 64.0F, 1});
+    }
+  }
+  return scans;
+}
+
+TEST(ObstacleStore, HoldsTheSameObstaclesWhateverGoesToTheFileOnTheWay) {
+  const TemporaryFolder folder;
+  ObstacleStore whole(folder.path()), spilled(folder.path(), 1500);
+  for (const ScanObstacles& scan : many_scans()) {
+    whole.add(0, scan);
+    spilled.add(0, scan);
+  }
+  whole.finish();
+  spilled.finish();
+  const auto all = [](const ObstacleStore& store) {
+    std::vector<Obstacle> found;
+    const ObstacleMap map = store.around(0, {15.0, 15.0}, 100.0);
+    for (const Obstacle* each : map.around({15.0, 15.0}, 100.0)) found.push_back(*each);
+    return found;
+  };
+  ASSERT_GT(all(whole).size(), 3000U);
+  const std::vector<Obstacle> obstacles = all(whole);
+  EXPECT_TRUE(std::any_of(obstacles.begin(), obstacles.end(),
+                          [](const Obstacle& each) { return each.scans > 1; }));
+  expect_same(all(spilled), all(whole));
+}
+
+TEST(ObstacleStore, LeavesNoFileBehind) {
   const TemporaryFolder folder;
   {
     ObstacleStore store(folder.path());
     store.add(0, wall(1.0F));
-    EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
-    store.add(1, wall(1.0F));
+    store.finish();
     EXPECT_FALSE(std::filesystem::is_empty(folder.path()));
   }
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
@@ -93,8 +135,11 @@ TEST(ObstacleStore, NamesAFolderThatIsNotThereAndAFileThatWasCutShort) {
   cut.add(1, wall(1.0F));
   cut.finish();
   std::filesystem::resize_file(std::filesystem::directory_iterator(folder.path())->path(), 50);
-  EXPECT_THAT([&] { static_cast<void>(cut.read(0)); },
-              ThrowsSaying<StorageError>({"obstacles", "ends at byte 50"}));
+  EXPECT_THAT(
+      [&] {
+        static_cast<void>(cut.around(0, {4.0, 4.0}, 3.0));
+      },
+      ThrowsSaying<StorageError>({"obstacles", "ends at byte"}));
 }
 
 }  // namespace obstacle_store_test

@@ -43,12 +43,15 @@ std::vector<ScanObstacles> scans_of(const test::SyntheticWorld& world, double hi
   return scans;
 }
 
-ObstacleMap seen(const test::SyntheticWorld& world) {
-  ObstacleMap obstacles;
-  for (const ScanObstacles& scan : scans_of(world)) obstacles.add(scan);
-  obstacles.finish();
-  return obstacles;
+ObstacleMap all_of(const std::vector<ScanObstacles>& scans) {
+  const test::TemporaryFolder folder;
+  ObstacleStore store(folder.path());
+  for (const ScanObstacles& scan : scans) store.add(0, scan);
+  store.finish();
+  return store.around(0, {0.0, 0.0}, 500.0);
 }
+
+ObstacleMap seen(const test::SyntheticWorld& world) { return all_of(scans_of(world)); }
 
 maps::Box box_at(double x, double y, const Eigen::Vector3d& size) {
   maps::Box box;
@@ -133,9 +136,8 @@ TEST(ObstacleMap, MeasuresHeightsOverTheGroundAndForgetsIt) {
   const std::vector<Eigen::Vector3f> points{{5.0F, 0.0F, -1.0F},  {5.0F, 0.02F, -1.0F},
                                             {6.0F, 0.0F, -1.78F}, {7.0F, 0.0F, 3.0F},
                                             {36.0F, 0.0F, 0.0F},  {8.0F, 0.0F, -1.0F}};
-  ObstacleMap obstacles;
-  obstacles.add(reduce_obstacles(points, {0, 0, 0, 0, 0, 1}, Floor(), sensor_at(100.0, 50.0)));
-  obstacles.finish();
+  const ObstacleMap obstacles =
+      all_of({reduce_obstacles(points, {0, 0, 0, 0, 0, 1}, Floor(), sensor_at(100.0, 50.0))});
   const auto found = obstacles.around({105.0, 50.0}, 40.0);
   ASSERT_EQ(found.size(), 1U);
   EXPECT_TRUE(found[0]->position.isApprox(Eigen::Vector3f(105.0F, 50.01F, 0.8F), 1e-4F));
@@ -199,19 +201,18 @@ TEST_F(JudgeStanding, AsksTheObjectsOwnDriveOnly) {
   other_day.boxes.push_back({{7.1, 5.1, 1.9}, {14.1, 7.3, 3.0}});
   for (const double x : {8.4, 9.8, 11.2})
     other_day.boxes.push_back({{x - 0.4, 5.1, 0.0}, {x + 0.4, 7.3, 0.9}});
-  ObstacleMap of_both;
+  std::vector<ScanObstacles> of_both;
   ObstacleStore obstacles(folder_.path());
   for (const std::size_t drive : {0U, 1U}) {
     for (const ScanObstacles& scan : scans_of(drive == 0 ? world_ : other_day, 0.25)) {
-      of_both.add(scan);
+      of_both.push_back(scan);
       obstacles.add(drive, scan);
     }
   }
-  of_both.finish();
   obstacles.finish();
   const FusedObject doubted = object_of(car, maps::ObjectClass::kCar, 0.2);
   // Both together look like no car.
-  ASSERT_LT(vehicle_log_odds(doubted, shape_of(of_both, car), 20), 0.0);
+  ASSERT_LT(vehicle_log_odds(doubted, shape_of(all_of(of_both), car), 20), 0.0);
   fused_.doubtful = {doubted};
   fused_.objects = {object_of(lorry, maps::ObjectClass::kTruck)};
   for (ObjectPlacement& placement : fused_.objects[0].placements) placement.scan += scans_.size();
