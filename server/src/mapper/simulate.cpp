@@ -109,7 +109,7 @@ void add_simulate(CLI::App& app) {
                       "scan of the part)");
   command
       ->add_option("--every", options.every,
-                   "Write every so many scans one, for queries that are spread over a long drive")
+                   "Write every N-th scan only, for queries that are spread over a long drive")
       ->capture_default_str();
   command
       ->add_option("--layout", options.layout,

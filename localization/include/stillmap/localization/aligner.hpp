@@ -137,7 +137,7 @@ class Aligner {
 /// @param T_map_lidar_seen_from  poses that the map was made from, finite. Without a prior a scan
 ///                   is looked for within some 6 m of them, upright as they are, in every heading;
 ///                   empty = those that the index's map was made from, and of bare points none.
-///                   Each of these places is looked at in the map here: some 0.1 ms a place.
+///                   The map around each of these places is read here.
 /// @throws std::invalid_argument naming the method and the choices, or a pose that is not finite;
 /// with poses, maps::InputError and maps::StorageError when a region of the index cannot be read.
 [[nodiscard]] std::unique_ptr<Aligner> make_aligner(

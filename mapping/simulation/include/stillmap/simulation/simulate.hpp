@@ -53,8 +53,8 @@ struct SimulationOptions {
   /// whole drive. `first` > 0 only with the layouts `kitti-odometry` and `pcd`, without an IMU.
   std::size_t first = 0;
   std::size_t of = 0;
-  /// Every so many scans one is taken, from the first of `scans` on, at least 1. More than 1 under
-  /// the conditions of `first` > 0.
+  /// Takes every N-th of these scans, from the first one on; at least 1. More than 1 only under the
+  /// conditions of `first` > 0.
   std::size_t every = 1;
   /// `kitti-odometry`, `kitti-raw` or `pcd`.
   std::string layout = "kitti-odometry";
