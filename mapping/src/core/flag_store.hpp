@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/scratch_file.hpp"
+#include <stillmap/maps/scratch_file.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -25,7 +25,7 @@ class FlagStore {
     std::uint64_t offset = 0;
     std::uint64_t flags = 0;
   };
-  ScratchFile file_;
+  maps::ScratchFile file_;
   std::vector<Place> places_;
 };
 

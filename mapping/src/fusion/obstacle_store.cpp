@@ -38,7 +38,7 @@ struct Stored {
 /// Reads a sorted part of the file from its beginning to its end.
 class ObstacleStore::Run {
  public:
-  Run(const ScratchFile& file, const Part& part) : file_(&file), part_(part) { fill(); }
+  Run(const maps::ScratchFile& file, const Part& part) : file_(&file), part_(part) { fill(); }
   [[nodiscard]] const Sum& front() const { return read_[at_]; }
   /// @return false at the end.
   bool next() {
@@ -57,14 +57,14 @@ class ObstacleStore::Run {
     at_ = 0;
   }
 
-  const ScratchFile* file_;
+  const maps::ScratchFile* file_;
   /// What is not read yet.
   Part part_;
   std::vector<Sum> read_;
   std::size_t at_ = 0;
 };
 
-ScratchFile& ObstacleStore::file() {
+maps::ScratchFile& ObstacleStore::file() {
   if (!scratch_) scratch_.emplace(folder_, "obstacles");
   return *scratch_;
 }

@@ -1,9 +1,9 @@
 #pragma once
 
-#include "core/scratch_file.hpp"
 #include "fusion/obstacle_map.hpp"
 
 #include <stillmap/maps/cell_table.hpp>
+#include <stillmap/maps/scratch_file.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -62,7 +62,7 @@ class ObstacleStore {
   /// Drive, then the place of the patch.
   using PatchId = std::tuple<std::size_t, std::int32_t, std::int32_t>;
 
-  [[nodiscard]] ScratchFile& file();
+  [[nodiscard]] maps::ScratchFile& file();
   /// Sorts the sums and puts them into the file.
   void write_run();
   void finish_drive();
@@ -70,7 +70,7 @@ class ObstacleStore {
 
   std::filesystem::path folder_;
   std::size_t most_voxels_;
-  std::optional<ScratchFile> scratch_;
+  std::optional<maps::ScratchFile> scratch_;
   std::optional<std::size_t> drive_;
   /// Of the last drive, until it is finished.
   maps::CellMap<Sum> sums_;

@@ -48,7 +48,7 @@ class Regions {
   std::uint32_t size_of(std::uint32_t cell) { return size_[root(cell)]; }
 
  private:
-  ScratchVector<std::uint32_t> parent_, size_;
+  maps::ScratchVector<std::uint32_t> parent_, size_;
 };
 
 class Islands {
@@ -98,7 +98,7 @@ class Islands {
   void each_measured(const Use& use) {
     for (std::uint32_t s = 0; s < ground_.measured(); ++s) {
       ground_.stepped(s);
-      if (rests_after(s)) regions_.rest();
+      if (maps::rests_after(s)) regions_.rest();
       for (int k = 0; k < GroundSheets::kNodes; ++k) {
         if (ground_.sheets[s].nodes[static_cast<std::size_t>(k)].measured())
           use(s, k % kIslandSide, k / kIslandSide);

@@ -37,7 +37,7 @@ int overlap_of(const GroundPile& a, const GroundPile& b) {
 
 /// Joins the piles of one block into sheets; see `GroundPiles::take_sheets`.
 void join(std::vector<std::uint32_t> block, GroundPiles::Sheets& sheets) {
-  ScratchVector<GroundPile>& piles = sheets.piles;
+  maps::ScratchVector<GroundPile>& piles = sheets.piles;
   std::vector<std::uint32_t>& numbers = sheets.numbers;
   std::stable_sort(block.begin(), block.end(), [&](std::uint32_t a, std::uint32_t b) {
     return weight_of(piles[a]) > weight_of(piles[b]);
@@ -138,7 +138,7 @@ GroundPiles::Sheets GroundPiles::take_sheets() && {
     std::vector<std::uint32_t> piles;
     for (std::uint32_t p = blocks_[i]; p != GroundSheets::kNone; p = next_[p]) piles.push_back(p);
     join(std::move(piles), sheets);
-    if (rests_after(i)) sheets.piles.rest();
+    if (maps::rests_after(i)) sheets.piles.rest();
   }
   next_.clear();
   first_.clear();

@@ -1,10 +1,10 @@
 #pragma once
 
-#include "core/scratch_vector.hpp"
 #include "ground/ground_cells.hpp"
 #include "ground/ground_sheets.hpp"
 
 #include <stillmap/maps/cell_table.hpp>
+#include <stillmap/maps/scratch_vector.hpp>
 
 #include <array>
 #include <cstdint>
@@ -43,7 +43,7 @@ struct GroundPile {
 /// Gathers the ground of scans, in their order.
 class GroundPiles {
  public:
-  /// @param scratch  as of `ScratchPieces`.
+  /// @param scratch  as of `maps::ScratchPieces`.
   explicit GroundPiles(const std::filesystem::path& scratch) : piles_(scratch) {}
 
   void add(const GroundCells& ground);
@@ -54,7 +54,7 @@ class GroundPiles {
   /// other's gaps are joined into one (a wall between two yards), those that lie over each other
   /// stay apart (a bridge). A small one over or under a heavier one is dropped (a mirror image).
   struct Sheets {
-    ScratchVector<GroundPile> piles;
+    maps::ScratchVector<GroundPile> piles;
     std::vector<std::uint32_t> numbers;
   };
   [[nodiscard]] Sheets take_sheets() &&;
@@ -62,7 +62,7 @@ class GroundPiles {
  private:
   GroundPile& pile_for(std::int32_t block_x, std::int32_t block_y, float z);
 
-  ScratchVector<GroundPile> piles_;
+  maps::ScratchVector<GroundPile> piles_;
   std::vector<std::uint32_t> next_;
   maps::CellMap<std::uint32_t> first_;
   /// Of blocks, in the order that they came in.

@@ -61,11 +61,11 @@ void GroundSheets::join() {
       const std::int32_t y = block_y + k / 3 - 1;
       if (nearest_in(x, y, z) == kNone) sheets_[add(x, y)].mean_z = z;
     }
-    if (rests_after(s)) rest();
+    if (maps::rests_after(s)) rest();
   }
   for (std::uint32_t s = 0; s < sheets_.size(); ++s) {
     join(s);
-    if (rests_after(s)) rest();
+    if (maps::rests_after(s)) rest();
   }
 }
 

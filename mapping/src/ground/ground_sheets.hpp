@@ -1,9 +1,9 @@
 #pragma once
 
-#include "core/scratch_vector.hpp"
 #include "ground/ground_cells.hpp"
 
 #include <stillmap/maps/cell_table.hpp>
+#include <stillmap/maps/scratch_vector.hpp>
 
 #include <array>
 #include <cstdint>
@@ -61,7 +61,7 @@ class GroundSheets {
     int node = 0;
   };
 
-  /// @param scratch  as of `ScratchPieces`.
+  /// @param scratch  as of `maps::ScratchPieces`.
   explicit GroundSheets(const std::filesystem::path& scratch) : sheets_(scratch) {}
 
   /// Gives memory back; what is looked at next comes from the file. Safe beside threads that read.
@@ -100,7 +100,7 @@ class GroundSheets {
   [[nodiscard]] std::uint32_t nearest_in(std::int32_t block_x, std::int32_t block_y, float z) const;
   void join(std::uint32_t sheet);
 
-  ScratchVector<Sheet> sheets_;
+  maps::ScratchVector<Sheet> sheets_;
   /// First sheet of each block; the others follow in `next_`.
   maps::CellMap<std::uint32_t> first_;
   std::vector<std::uint32_t> next_;

@@ -19,7 +19,7 @@ struct MeasuredSheets {
   GroundPiles::Sheets piles;
   /// One a sheet: how the street rises there, whatever steps cross it.
   std::vector<Eigen::Vector2f> slopes;
-  /// As of `ScratchPieces`, for what a step needs for each cell.
+  /// As of `maps::ScratchPieces`, for what a step needs for each cell.
   std::filesystem::path scratch;
 
   /// Sheets that something was measured in.
@@ -33,7 +33,7 @@ struct MeasuredSheets {
   }
   /// In each step of a pass: gives memory back now and then.
   void stepped(std::size_t step) const {
-    if (!rests_after(step)) return;
+    if (!maps::rests_after(step)) return;
     sheets.rest();
     piles.piles.rest();
   }
@@ -43,7 +43,7 @@ struct MeasuredSheets {
 [[nodiscard]] std::uint8_t ground_confidence_255(float weight);
 
 /// Sheets of the piles, joined to their neighbours, with a slope each.
-/// @param scratch  as of `ScratchPieces`.
+/// @param scratch  as of `maps::ScratchPieces`.
 [[nodiscard]] MeasuredSheets sheets_of(GroundPiles::Sheets piles,
                                        const std::filesystem::path& scratch);
 

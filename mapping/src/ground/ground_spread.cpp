@@ -48,7 +48,7 @@ std::optional<GroundNode> from_around(const MeasuredSheets& ground, GroundSheets
   return node;
 }
 
-using Places = ScratchVector<GroundSheets::Place>;
+using Places = maps::ScratchVector<GroundSheets::Place>;
 
 /// What spreading needs for each cell.
 struct Spreading {
@@ -57,14 +57,14 @@ struct Spreading {
 
   Places ring, last, filled;
   /// Of the ring's places.
-  ScratchVector<GroundNode> nodes;
+  maps::ScratchVector<GroundNode> nodes;
   /// One a cell.
-  ScratchVector<std::uint8_t> seen;
+  maps::ScratchVector<std::uint8_t> seen;
 
   /// In a pass over places, of which a ring has some 8 in a sheet.
   void stepped(const MeasuredSheets& ground, std::size_t place) const {
     constexpr std::size_t kPlacesOfSheet = 8;
-    if (place % kPlacesOfSheet != 0 || !rests_after(place / kPlacesOfSheet)) return;
+    if (place % kPlacesOfSheet != 0 || !maps::rests_after(place / kPlacesOfSheet)) return;
     ground.stepped(place / kPlacesOfSheet);
     for (const Places* places : {&ring, &last, &filled}) places->rest();
     nodes.rest();

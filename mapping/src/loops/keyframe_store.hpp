@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/scratch_file.hpp"
+#include <stillmap/maps/scratch_file.hpp>
 
 #include <Eigen/Core>
 
@@ -43,7 +43,7 @@ class KeyframeStore {
     std::uint64_t points = 0;
   };
 
-  ScratchFile file_;
+  maps::ScratchFile file_;
   std::vector<Place> places_;
 };
 

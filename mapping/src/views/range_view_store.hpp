@@ -1,7 +1,8 @@
 #pragma once
 
-#include "core/scratch_file.hpp"
 #include "views/range_view.hpp"
+
+#include <stillmap/maps/scratch_file.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -46,7 +47,7 @@ class RangeViewStore {
   void remember(std::size_t ordinal, const std::shared_ptr<const RangeView>& view) const;
   [[nodiscard]] RangeView load(const Place& place) const;
 
-  ScratchFile file_;
+  maps::ScratchFile file_;
   std::vector<Place> places_;
   mutable std::mutex mutex_;
   mutable std::list<Cached> cache_;  ///< the one used last in front

@@ -5,18 +5,20 @@
 #include <filesystem>
 #include <string>
 
-namespace stillmap::mapping {
+namespace stillmap::maps {
 
 /// Bytes that do not stay in memory: a file of its own that goes with the object.
 class ScratchFile {
  public:
   /// @param folder  existing; the file there is `NAME.` and six characters.
-  /// @throws maps::StorageError naming the file, as all below.
+  /// @throws StorageError naming the file, as all below.
   ScratchFile(const std::filesystem::path& folder, const std::string& name);
   ~ScratchFile();
   ScratchFile(const ScratchFile&) = delete;
   ScratchFile& operator=(const ScratchFile&) = delete;
 
+  /// The file has no name any more: it goes with the process, even if that is killed.
+  void remove_name();
   /// Not while another thread is in any other function. When it throws, nothing was appended.
   /// @return where the bytes begin.
   std::uint64_t append(const void* bytes, std::size_t size);
@@ -30,8 +32,9 @@ class ScratchFile {
 
  private:
   std::filesystem::path path_;
+  bool has_name_ = true;
   int descriptor_ = -1;
   std::uint64_t end_ = 0;
 };
 
-}  // namespace stillmap::mapping
+}  // namespace stillmap::maps

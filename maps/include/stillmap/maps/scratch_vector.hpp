@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/scratch_file.hpp"
+#include <stillmap/maps/scratch_file.hpp>
 
 #include <cstddef>
 #include <filesystem>
@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-namespace stillmap::mapping {
+namespace stillmap::maps {
 
 /// Bytes in pieces that lie in a scratch file and are mapped into memory; `rest` gives their memory
 /// back, and who reads them next gets them from the file again.
@@ -22,7 +22,7 @@ class ScratchPieces {
   ScratchPieces(const ScratchPieces&) = delete;
   ScratchPieces& operator=(const ScratchPieces&) = delete;
 
-  /// @return zeros, at the beginning of a page. @throws maps::StorageError, e.g. on a full disk;
+  /// @return zeros, at the beginning of a page. @throws StorageError, e.g. on a full disk;
   /// std::bad_alloc.
   void* add();
   /// Safe beside threads that read and write the pieces.
@@ -41,7 +41,7 @@ class ScratchPieces {
 /// earlier rests by itself; whoever goes through many items calls `rest` now and then.
 template <typename Item>
 class ScratchVector {
-  static_assert(std::is_trivially_copyable_v<Item> && std::is_trivially_destructible_v<Item>);
+  static_assert(std::is_trivially_destructible_v<Item>);
 
  public:
   /// @param folder  as of `ScratchPieces`.
@@ -91,4 +91,4 @@ class ScratchVector {
 /// Whether a pass that goes through large items has come so far that they may rest.
 [[nodiscard]] inline bool rests_after(std::size_t step) { return step % 4096 == 4095; }
 
-}  // namespace stillmap::mapping
+}  // namespace stillmap::maps

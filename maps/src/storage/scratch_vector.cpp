@@ -1,4 +1,4 @@
-#include "core/scratch_vector.hpp"
+#include <stillmap/maps/scratch_vector.hpp>
 
 #include <sys/mman.h>
 #include <unistd.h>
@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <new>
 
-namespace stillmap::mapping {
+namespace stillmap::maps {
 namespace {
 
 /// Pieces after which those before give their memory back: who appends has done with them.
@@ -40,7 +40,10 @@ void* ScratchPieces::add() {
 
 void* ScratchPieces::mapped() {
   if (!folder_.empty()) {
-    if (!file_) file_ = std::make_unique<ScratchFile>(folder_, "pieces");
+    if (!file_) {
+      file_ = std::make_unique<ScratchFile>(folder_, "pieces");
+      file_->remove_name();
+    }
     return file_->append_mapped(piece_bytes_);
   }
   void* piece =
@@ -54,4 +57,4 @@ void ScratchPieces::rest() const {
   for (void* piece : pieces_) ::madvise(piece, piece_bytes_, MADV_DONTNEED);
 }
 
-}  // namespace stillmap::mapping
+}  // namespace stillmap::maps
