@@ -103,19 +103,20 @@ unsigned CellBits::hits(const PointColumns& points, const Eigen::Vector3f& shift
   return HWY_DYNAMIC_DISPATCH(count_hits)(tiles_.data(), tiles_along_, edge_m_, points, shift);
 }
 
-CellBitsTable::CellBitsTable(std::span<const Voxel> voxels, float edge_m)
-    : tiles_along_(RegionColumns::tiles(edge_m)),
+CellBitsTable::CellBitsTable(float edge_m)
+    : edge_m_(edge_m),
+      tiles_along_(RegionColumns::tiles(edge_m)),
       tiles_(std::size_t{tiles_along_} * tiles_along_),
-      words_(RegionColumns::kColumnsOfTile) {
-  const std::int32_t last = RegionColumns::columns(edge_m) - 1;
-  for (const Voxel& voxel : voxels) {
-    const auto x = static_cast<std::int32_t>(std::floor(voxel.mean.x() / edge_m));
-    const auto y = static_cast<std::int32_t>(std::floor(voxel.mean.y() / edge_m));
-    const std::uint64_t bit = std::uint64_t{1} << (CellBits::height_bit(voxel.mean.z()) % 64U);
-    if (x < 0 || x > last || y < 0 || y > last) continue;
-    word_at(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y)) |=
-        bit | std::rotl(bit, 1) | std::rotr(bit, 1);
-  }
+      words_(RegionColumns::kColumnsOfTile) {}
+
+void CellBitsTable::add(const Voxel& voxel) {
+  const std::int32_t last = RegionColumns::columns(edge_m_) - 1;
+  const auto x = static_cast<std::int32_t>(std::floor(voxel.mean.x() / edge_m_));
+  const auto y = static_cast<std::int32_t>(std::floor(voxel.mean.y() / edge_m_));
+  const std::uint64_t bit = std::uint64_t{1} << (CellBits::height_bit(voxel.mean.z()) % 64U);
+  if (x < 0 || x > last || y < 0 || y > last) return;
+  word_at(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y)) |=
+      bit | std::rotl(bit, 1) | std::rotr(bit, 1);
 }
 
 std::uint64_t& CellBitsTable::word_at(std::uint32_t x, std::uint32_t y) {

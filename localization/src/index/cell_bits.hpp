@@ -83,9 +83,10 @@ class CellBits {
 /// What `CellBits` looks into for one region, made from voxels.
 class CellBitsTable {
  public:
-  /// @param voxels  of cells about 1 m wide, of the region.
-  CellBitsTable(std::span<const Voxel> voxels, float edge_m);
+  explicit CellBitsTable(float edge_m);
 
+  /// @param voxel  of a cell about 1 m wide, of the region.
+  void add(const Voxel& voxel);
   [[nodiscard]] std::span<const std::uint32_t> tiles() const { return tiles_; }
   /// The first tile is empty, and stands for all that are.
   [[nodiscard]] std::span<const std::uint64_t> words() const { return words_; }
@@ -93,6 +94,7 @@ class CellBitsTable {
  private:
   [[nodiscard]] std::uint64_t& word_at(std::uint32_t x, std::uint32_t y);
 
+  float edge_m_;
   std::uint32_t tiles_along_;
   std::vector<std::uint32_t> tiles_;
   std::vector<std::uint64_t> words_;

@@ -8,34 +8,6 @@
 namespace stillmap::localization {
 namespace {
 
-struct TiledBlock {
-  std::pair<std::uint16_t, std::uint16_t> tile;
-  CellBlocks::Slot slot;
-};
-
-/// Blocks with their cells, in the order of their tiles.
-std::vector<TiledBlock> blocks_by_tile(std::span<const CellBlocks::Place> places, int tile_shift) {
-  const int shift = tile_shift - 2;
-  const std::uint32_t mask = (1U << shift) - 1;
-  std::vector<TiledBlock> blocks;
-  for (std::uint32_t i = 0; i < places.size(); ++i) {
-    if (i == 0 || places[i].block != places[i - 1].block) {
-      const auto cell = cell_of_key(places[i].block);
-      const auto x = static_cast<std::uint32_t>(cell[0]);
-      const auto y = static_cast<std::uint32_t>(cell[1]);
-      const std::uint32_t key =
-          CellBlocks::key_in_tile(x & mask, y & mask, static_cast<std::uint32_t>(cell[2]));
-      blocks.push_back(
-          {{static_cast<std::uint16_t>(x >> shift), static_cast<std::uint16_t>(y >> shift)},
-           {key, i, 0}});
-    }
-    blocks.back().slot.mask |= std::uint64_t{1} << places[i].bit;
-  }
-  std::stable_sort(blocks.begin(), blocks.end(),
-                   [](const TiledBlock& a, const TiledBlock& b) { return a.tile < b.tile; });
-  return blocks;
-}
-
 void insert(std::span<CellBlocks::Slot> slots, std::uint32_t shift, const CellBlocks::Slot& block) {
   std::size_t slot = CellBlocks::mixed(block.key) >> shift;
   while (slots[slot].mask != 0) slot = (slot + 1) & (slots.size() - 1);
@@ -80,19 +52,43 @@ CellBlocks::CellBlocks(std::span<const Part> parts, int tile_shift, float edge_m
   }
 }
 
-CellBlockTable::CellBlockTable(std::span<const CellBlocks::Place> places, int tile_shift) {
+CellBlockTable::CellBlockTable(std::span<const CellBlocks::Place> places, int tile_shift)
+    : tile_shift_(tile_shift) {
+  for (const CellBlocks::Place& place : places) add(place);
+  finish();
+}
+
+void CellBlockTable::add(const CellBlocks::Place& place) {
+  if (blocks_.empty() || place.block != last_block_) {
+    last_block_ = place.block;
+    const int shift = tile_shift_ - 2;
+    const std::uint32_t mask = (1U << shift) - 1;
+    const auto cell = cell_of_key(place.block);
+    const auto x = static_cast<std::uint32_t>(cell[0]);
+    const auto y = static_cast<std::uint32_t>(cell[1]);
+    const std::uint32_t key =
+        CellBlocks::key_in_tile(x & mask, y & mask, static_cast<std::uint32_t>(cell[2]));
+    blocks_.push_back({(x >> shift) << 16 | y >> shift, {key, cells_, 0}});
+  }
+  blocks_.back().slot.mask |= std::uint64_t{1} << place.bit;
+  ++cells_;
+}
+
+void CellBlockTable::finish() {
   constexpr std::size_t kLeastSlots = 4;  // a cache line
-  const std::vector<TiledBlock> blocks = blocks_by_tile(places, tile_shift);
+  std::vector<Block> blocks = std::exchange(blocks_, {});
+  std::stable_sort(blocks.begin(), blocks.end(),
+                   [](const Block& a, const Block& b) { return a.tile < b.tile; });
   for (auto first = blocks.begin(); first != blocks.end();) {
-    const auto last = std::find_if(first, blocks.end(),
-                                   [&](const TiledBlock& b) { return b.tile != first->tile; });
+    const auto last =
+        std::find_if(first, blocks.end(), [&](const Block& b) { return b.tile != first->tile; });
     // At most half full, so that a look-up touches one cache line most of the time.
     const std::size_t count =
         std::max(kLeastSlots, std::bit_ceil(2 * static_cast<std::size_t>(last - first)));
     const std::uint32_t shift = CellBlocks::shift_of(count);
-    tiles_.push_back({first->tile.first, first->tile.second,
-                      static_cast<std::uint32_t>(slots_.size()), static_cast<std::uint32_t>(count),
-                      shift});
+    tiles_.push_back(
+        {static_cast<std::uint16_t>(first->tile >> 16), static_cast<std::uint16_t>(first->tile),
+         static_cast<std::uint32_t>(slots_.size()), static_cast<std::uint32_t>(count), shift});
     slots_.resize(slots_.size() + count);
     const std::span<CellBlocks::Slot> own = std::span(slots_).last(count);
     for (; first != last; ++first) insert(own, shift, first->slot);

@@ -263,8 +263,16 @@ inline constexpr std::array<std::uint64_t, 16> CellBlocks::kCellsOfZ =
 /// Tiles and slots of one part, made from its cells.
 class CellBlockTable {
  public:
-  /// @param places  of all occupied cells, ascending, each once; not negative, fewer than 2^32 - 1.
+  /// @param tile_shift  as of `CellBlocks`.
+  explicit CellBlockTable(int tile_shift) : tile_shift_(tile_shift) {}
+  /// Of all occupied cells.
   CellBlockTable(std::span<const CellBlocks::Place> places, int tile_shift);
+
+  /// Of the next occupied cell. @param place  after those before, not negative; fewer than 2^32 - 1
+  /// in all.
+  void add(const CellBlocks::Place& place);
+  /// Once, after the last cell.
+  void finish();
 
   /// By x, then y.
   [[nodiscard]] std::span<const CellBlocks::Tile> tiles() const { return tiles_; }
@@ -272,6 +280,17 @@ class CellBlockTable {
   [[nodiscard]] std::span<const CellBlocks::Slot> slots() const { return slots_; }
 
  private:
+  struct Block {
+    /// Where its tile lies: x, then y.
+    std::uint32_t tile;
+    CellBlocks::Slot slot;
+  };
+  int tile_shift_;
+  /// Of the last cell.
+  std::uint64_t last_block_ = 0;
+  std::uint32_t cells_ = 0;
+  /// Until they are finished.
+  std::vector<Block> blocks_;
   std::vector<CellBlocks::Tile> tiles_;
   std::vector<CellBlocks::Slot> slots_;
 };

@@ -61,12 +61,31 @@ SectionPart part_of(Kind kind, std::size_t part, std::span<const Item> items) {
                             std::as_bytes(items), sizeof(Item));
 }
 
-std::vector<CacheLine> sealed_bytes(const maps::SectionFormat& format, const IndexKey& key,
-                                    const About& about, std::vector<SectionPart> parts) {
+SectionPart voxels_part(std::size_t level, const RegionContent& content) {
+  return {{.kind = static_cast<std::uint32_t>(Kind::kVoxels),
+           .part = static_cast<std::uint32_t>(level),
+           .bytes = content.voxels.size(level) * sizeof(Voxel),
+           .item_bytes = sizeof(Voxel),
+           .crc = content.levels[level].voxels_crc},
+          [level, &voxels = content.voxels](const maps::AppendBytes& append) {
+            constexpr std::size_t kAtOnce = 1024;
+            std::vector<Voxel> some;
+            voxels.for_each(level, [&](const CellBlocks::Place&, const Voxel& voxel) {
+              some.push_back(voxel);
+              if (some.size() < kAtOnce) return;
+              append(std::as_bytes(std::span(some)));
+              some.clear();
+            });
+            append(std::as_bytes(std::span(some)));
+          }};
+}
+
+maps::SectionFile section_file(const maps::SectionFormat& format, const IndexKey& key,
+                               const About& about, std::vector<SectionPart> parts) {
   maps::SectionHeader header;
   header.count = static_cast<std::uint32_t>(key.options.levels);
   header.set_about(about);
-  return maps::section_bytes(format, header, std::move(parts)).lines;
+  return {format, header, std::move(parts)};
 }
 
 /// A file of an index whose header and key fit.
@@ -180,7 +199,7 @@ bool is_ascending(std::span<const RegionRow> regions) {
 
 }  // namespace
 
-std::vector<CacheLine> to_bytes(const IndexKey& key, const RegionContent& content) {
+maps::SectionFile sections_of(const IndexKey& key, const RegionContent& content) {
   About about = about_of(key);
   about.floor = content.floor;
   // Directories first: they are read at load, so they had better share a page with the header.
@@ -192,11 +211,10 @@ std::vector<CacheLine> to_bytes(const IndexKey& key, const RegionContent& conten
   for (std::size_t k = 0; k < content.place_grids.size(); ++k)
     parts.push_back(part_of(Kind::kGridWords, k, content.place_grids[k].words()));
   for (std::size_t k = 0; k < content.levels.size(); ++k) {
-    const VoxelLevel& level = content.levels[k];
-    parts.push_back(part_of(Kind::kSlots, k, level.cells.slots()));
-    parts.push_back(part_of(Kind::kVoxels, k, std::span<const Voxel>(level.voxels)));
+    parts.push_back(part_of(Kind::kSlots, k, content.levels[k].cells.slots()));
+    parts.push_back(voxels_part(k, content));
   }
-  return sealed_bytes(index_format::kRegionFile, key, about, std::move(parts));
+  return section_file(index_format::kRegionFile, key, about, std::move(parts));
 }
 
 RegionView region_view(std::span<const std::byte> bytes, const IndexKey& key,
@@ -220,11 +238,11 @@ void verify_root(std::span<const std::byte> bytes, const std::string& name) {
   IndexParser(bytes, index_format::kRootFile, name).verify_all();
 }
 
-std::vector<CacheLine> to_bytes(const IndexKey& key, const RootContent& content) {
+maps::SectionFile sections_of(const IndexKey& key, const RootContent& content) {
   About about = about_of(key);
   Eigen::Vector3d::Map(about.min_m.data()) = content.bounds.min();
   Eigen::Vector3d::Map(about.max_m.data()) = content.bounds.max();
-  return sealed_bytes(
+  return section_file(
       index_format::kRootFile, key, about,
       {part_of(Kind::kRegions, 0, std::span<const RegionRow>(content.regions)),
        part_of(Kind::kMount, 0, std::span<const double>(content.R_level_lidar.data(), 9)),

@@ -4,6 +4,7 @@
 #include "cell_blocks.hpp"
 #include "own_error.hpp"
 #include "place_view.hpp"
+#include "voxel_runs.hpp"
 
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/region.hpp>
@@ -33,7 +34,8 @@ using maps::CacheLine;
 /// One level of a region as it is built.
 struct VoxelLevel {
   CellBlockTable cells;
-  std::vector<Voxel> voxels;
+  /// CRC-32C of its voxels.
+  std::uint32_t voxels_crc = 0;
 };
 
 /// A region as it is built.
@@ -44,6 +46,7 @@ struct RegionContent {
   std::vector<VoxelLevel> levels;
   /// As many as `kPlaceGridEdgesM`.
   std::vector<CellBitsTable> place_grids;
+  VoxelRuns voxels;
 };
 
 /// Views into the bytes of a region's file. Coordinates count from the region's corner and floor.
@@ -54,8 +57,8 @@ struct RegionView {
   std::vector<CellBits::Part> place_grids;
 };
 
-/// The file's bytes, from the beginning to a multiple of 64.
-[[nodiscard]] std::vector<CacheLine> to_bytes(const IndexKey& key, const RegionContent& content);
+/// @param content  outlives the result.
+[[nodiscard]] maps::SectionFile sections_of(const IndexKey& key, const RegionContent& content);
 
 /// Checks header, section table and tile directories, and touches nothing else: whatever the other
 /// sections hold, looking something up in the view stays inside the bytes.
@@ -103,7 +106,8 @@ struct RootContent {
   std::vector<OwnErrorColumn> own_errors;
 };
 
-[[nodiscard]] std::vector<CacheLine> to_bytes(const IndexKey& key, const RootContent& content);
+/// @param content  outlives the result.
+[[nodiscard]] maps::SectionFile sections_of(const IndexKey& key, const RootContent& content);
 
 /// Views into the bytes of a root.
 struct RootView {

@@ -33,9 +33,9 @@ fs::path region_file_of(const fs::path& package, const MapIndexOptions& options,
   return index_file_of(package, options, fmt::format("{}_{}", region.x, region.y));
 }
 
-void publish_file(const fs::path& file, std::span<const std::byte> bytes) {
+void publish_file(const fs::path& file, const maps::SectionFile& sections) {
   maps::DerivedFile derived(file);
-  derived.append(bytes);
+  sections.write([&](std::span<const std::byte> bytes) { derived.append(bytes); });
   derived.publish();
 }
 

@@ -25,7 +25,7 @@ namespace stillmap::localization {
 
 /// Writes the file beside and renames it. @throws maps::StorageError, also while another process
 /// writes it.
-void publish_file(const std::filesystem::path& file, std::span<const std::byte> bytes);
+void publish_file(const std::filesystem::path& file, const maps::SectionFile& sections);
 
 /// The bytes that an index looks into: a mapped file, or memory of its own.
 class IndexStorage {

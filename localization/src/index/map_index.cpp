@@ -130,14 +130,12 @@ class MapIndex::Regions {
   /// @return null when it has no voxel. @param kept_because  why not into the file.
   Region build(const MapRegions& map, maps::RegionId id, const IndexKey& key,
                std::string& kept_because) {
-    const RegionContent content = map.build(id);
-    if (std::all_of(content.levels.begin(), content.levels.end(),
-                    [](const VoxelLevel& level) { return level.voxels.empty(); }))
-      return nullptr;
-    std::vector<CacheLine> lines = to_bytes(key, content);
-    if (package_.empty()) return keep(id, std::move(lines), key);
+    const RegionContent content = content_of(map, id);
+    if (content.voxels.empty()) return nullptr;
+    const maps::SectionFile sections = sections_of(key, content);
+    if (!has_files()) return keep(id, sections.lines(), key);
     try {
-      publish_file(region_file_of(package_, options_, id), std::as_bytes(std::span(lines)));
+      publish_file(region_file_of(package_, options_, id), sections);
       // From here on the system may drop pages that nobody uses.
       return map_file(id, key);
     } catch (const maps::InputError& error) {
@@ -145,7 +143,7 @@ class MapIndex::Regions {
     } catch (const maps::StorageError& error) {
       kept_because = error.what();
     }
-    return keep(id, std::move(lines), key);
+    return keep(id, sections.lines(), key);
   }
 
   /// Null when the index has no such region.
@@ -175,6 +173,19 @@ class MapIndex::Regions {
   }
 
  private:
+  /// Its voxels lie beside the files, or else in memory.
+  [[nodiscard]] RegionContent content_of(const MapRegions& map, maps::RegionId id) const {
+    if (!has_files()) return map.build(id, {});
+    const std::filesystem::path folder = region_file_of(package_, options_, id).parent_path();
+    std::error_code ignored;
+    std::filesystem::create_directory(folder, ignored);
+    try {
+      return map.build(id, folder);
+    } catch (const maps::StorageError&) {
+      // The disk is full, or does not map files for writing.
+      return map.build(id, {});
+    }
+  }
   [[nodiscard]] Region locked_region(maps::RegionId id) {
     const std::span<const RegionRow> rows = root_->view.regions;
     const auto row = std::partition_point(rows.begin(), rows.end(),
@@ -319,10 +330,10 @@ void MapIndex::build_from(const maps::MapPackage& map) {
   // Views are of windows, and windows look regions up in the root: one without places comes first.
   RootContent without_places = root;
   without_places.places.clear();
-  regions_->set_root(IndexStorage(to_bytes({map.digest(), options_}, without_places)),
-                     {map.digest(), options_});
+  const IndexKey key{map.digest(), options_};
+  regions_->set_root(IndexStorage(sections_of(key, without_places).lines()), key);
   root.views = views_of(root.places, *this);
-  set_root(root, {map.digest(), options_}, map.folder());
+  set_root(root, key, map.folder());
 }
 
 std::shared_ptr<const MapIndex> MapIndex::build(const std::vector<Eigen::Vector3d>& points_map,
@@ -339,7 +350,7 @@ std::shared_ptr<const MapIndex> MapIndex::build(const std::vector<Eigen::Vector3
     root.bounds.extend(points.back());
   }
   for (const auto& [id, content] : build_regions(points, options)) {
-    const auto region = index->regions_->keep(id, to_bytes(key, content), key);
+    const auto region = index->regions_->keep(id, sections_of(key, content).lines(), key);
     add_region(root, id, key, region->view);
   }
   require_voxels(root, options, "map points");
@@ -349,11 +360,11 @@ std::shared_ptr<const MapIndex> MapIndex::build(const std::vector<Eigen::Vector3
 
 void MapIndex::set_root(const RootContent& root, const IndexKey& key,
                         const std::filesystem::path& package) {
-  std::vector<CacheLine> lines = to_bytes(key, root);
+  const maps::SectionFile sections = sections_of(key, root);
   if (regions_->has_files() && kept_in_memory_because_.empty()) {
     const std::filesystem::path file = root_file_of(package, options_);
     try {
-      publish_file(file, std::as_bytes(std::span(lines)));
+      publish_file(file, sections);
       regions_->set_root(IndexStorage(file), key);
       file_ = file;
       return;
@@ -363,7 +374,7 @@ void MapIndex::set_root(const RootContent& root, const IndexKey& key,
       kept_in_memory_because_ = error.what();
     }
   }
-  regions_->set_root(IndexStorage(std::move(lines)), key);
+  regions_->set_root(IndexStorage(sections.lines()), key);
 }
 
 }  // namespace stillmap::localization

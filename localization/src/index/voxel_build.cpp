@@ -3,6 +3,7 @@
 #include "index_grid.hpp"
 #include "measured_points.hpp"
 
+#include <stillmap/maps/crc32c.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/sha256.hpp>
 #include <stillmap/maps/tile_check.hpp>
@@ -11,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -45,10 +47,9 @@ std::int32_t floor_below(double lowest_m) {
 
 }  // namespace
 
-RegionBuilder::RegionBuilder(const MapIndexOptions& options, double lowest_m)
-    : options_(options),
-      floor_(floor_below(lowest_m)),
-      voxels_(static_cast<std::size_t>(options.levels)) {}
+RegionBuilder::RegionBuilder(const MapIndexOptions& options, double lowest_m,
+                             const std::filesystem::path& scratch)
+    : options_(options), floor_(floor_below(lowest_m)), voxels_(scratch) {}
 
 void RegionBuilder::begin_block(int x, int y) {
   end_block();
@@ -87,38 +88,36 @@ void RegionBuilder::end_block() {
     if (halvings > 0) grid = coarser(grid);
     const double edge_m = std::ldexp(options_.finest_voxel_m, halvings);
     const std::int32_t below = (kCellsPerAxis / 2 >> halvings) + floor_ * cells_of_region(edge_m);
-    auto& voxels = voxels_[static_cast<std::size_t>(options_.levels - 1 - halvings)];
+    std::vector<std::pair<CellBlocks::Place, const Moments*>> cells;
     for (const Moments& cell : grid.cells) {
       if (cell.count < static_cast<std::uint32_t>(options_.min_points)) continue;
       const auto [x, y, z] = cell_of_key(cell.key);
-      voxels.emplace_back(CellBlocks::place_of(x, y, z - below),
-                          voxel_of(cell, edge_m, {0.0, 0.0, kRegionM * floor_}));
+      cells.emplace_back(CellBlocks::place_of(x, y, z - below), &cell);
     }
+    // Neighbours in space become neighbours in memory.
+    std::sort(cells.begin(), cells.end());
+    voxels_.begin_run(static_cast<std::size_t>(options_.levels - 1 - halvings));
+    for (const auto& [place, cell] : cells)
+      voxels_.add(place, voxel_of(*cell, edge_m, {0.0, 0.0, kRegionM * floor_}));
   }
 }
 
 RegionContent RegionBuilder::content() && {
   end_block();
-  RegionContent content;
-  content.floor = floor_;
-  for (std::size_t level = 0; level < voxels_.size(); ++level) {
-    std::vector<PlacedVoxel> placed = std::exchange(voxels_[level], {});
-    // Neighbours in space become neighbours in memory.
-    std::sort(placed.begin(), placed.end(),
-              [](const auto& a, const auto& b) { return a.first < b.first; });
-    std::vector<CellBlocks::Place> places;
-    std::vector<Voxel> voxels;
-    places.reserve(placed.size());
-    voxels.reserve(placed.size());
-    for (const auto& [place, voxel] : placed) {
-      places.push_back(place);
-      voxels.push_back(voxel);
-    }
-    const int shift = tile_shift_of(edge_of_level(options_, level));
-    content.levels.push_back({CellBlockTable(places, shift), std::move(voxels)});
+  RegionContent content{
+      .floor = floor_, .levels = {}, .place_grids = {}, .voxels = std::move(voxels_)};
+  for (const float edge_m : kPlaceGridEdgesM) content.place_grids.emplace_back(edge_m);
+  for (std::size_t k = 0; std::cmp_less(k, options_.levels); ++k) {
+    VoxelLevel level{.cells = CellBlockTable(tile_shift_of(edge_of_level(options_, k)))};
+    content.voxels.for_each(k, [&](const CellBlocks::Place& place, const Voxel& voxel) {
+      level.cells.add(place);
+      level.voxels_crc = maps::crc32c(std::as_bytes(std::span(&voxel, 1)), level.voxels_crc);
+      if (k != level_for_places(options_)) return;
+      for (CellBitsTable& grid : content.place_grids) grid.add(voxel);
+    });
+    level.cells.finish();
+    content.levels.push_back(std::move(level));
   }
-  for (const float edge_m : kPlaceGridEdgesM)
-    content.place_grids.emplace_back(content.levels[level_for_places(options_)].voxels, edge_m);
   return content;
 }
 
@@ -152,7 +151,7 @@ std::string MapRegions::source_of(maps::RegionId region) const {
   return hash.hex();
 }
 
-RegionContent MapRegions::build(maps::RegionId region) const {
+RegionContent MapRegions::build(maps::RegionId region, const std::filesystem::path& scratch) const {
   constexpr auto kBlockTiles = static_cast<int>(RegionBuilder::kBlockM / maps::kTileSizeM);
   const Eigen::Vector2d corner = corner_of(region);
   const double below_m = below_origin_m(options_);
@@ -163,7 +162,7 @@ RegionContent MapRegions::build(maps::RegionId region) const {
             (id.y - maps::kRegionTiles * region.y) / kBlockTiles}]
         .push_back(id);
   }
-  RegionBuilder builder(options_, own.lowest_m + below_m - kRoundedM);
+  RegionBuilder builder(options_, own.lowest_m + below_m - kRoundedM, scratch);
   for (const auto& [block, tiles] : blocks) {
     builder.begin_block(block.first, block.second);
     for (const maps::TileId id : tiles) {
@@ -204,7 +203,7 @@ std::map<maps::RegionId, RegionContent> build_regions(const std::vector<Eigen::V
   std::map<maps::RegionId, RegionContent> regions;
   for (auto block = blocks.begin(); block != blocks.end();) {
     const maps::RegionId region = std::get<0>(block->first);
-    RegionBuilder builder(options, lowest_m.at(region));
+    RegionBuilder builder(options, lowest_m.at(region), {});
     for (; block != blocks.end() && std::get<0>(block->first) == region; ++block) {
       builder.begin_block(std::get<1>(block->first), std::get<2>(block->first));
       for (const Eigen::Vector3d& p : block->second) builder.add(p, 1.0);

@@ -11,16 +11,17 @@
 #include <Eigen/Core>
 
 #include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <map>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace stillmap::localization {
 
 /// Makes the voxels of one region from its points, block by block: sums of cells are twice as large
-/// as voxels, and there are more of them, so they are in memory for one block only.
+/// as voxels, and there are more of them, so they are in memory for one block only. The voxels of
+/// each block are a sorted run.
 class RegionBuilder {
  public:
   /// Blocks of a region are this wide [m]; cells of the coarsest level divide it.
@@ -29,8 +30,10 @@ class RegionBuilder {
   static_assert(kRegionM == 4 * kBlockM);
 
   /// @param lowest_m  of all points, above the index's origin [m].
+  /// @param scratch  folder for the voxels, as of `maps::ScratchPieces`.
   /// @throws maps::InputError beyond `kFarthestRegionM`.
-  RegionBuilder(const MapIndexOptions& options, double lowest_m);
+  RegionBuilder(const MapIndexOptions& options, double lowest_m,
+                const std::filesystem::path& scratch);
 
   /// Points from here on belong to a block. @param x, y  its place in the region.
   void begin_block(int x, int y);
@@ -41,7 +44,6 @@ class RegionBuilder {
   [[nodiscard]] RegionContent content() &&;
 
  private:
-  using PlacedVoxel = std::pair<CellBlocks::Place, Voxel>;
   /// Makes voxels of the block's cells.
   void end_block();
   [[nodiscard]] int cells_of_block() const;
@@ -53,8 +55,8 @@ class RegionBuilder {
   /// Of the block, at the finest level: x, y counted from the region's corner, z from
   /// `kCellsPerAxis` / 2 below the origin.
   MomentGrid grid_;
-  /// Of the blocks before, by level, coarse to fine.
-  std::vector<std::vector<PlacedVoxel>> voxels_;
+  /// Of the blocks before.
+  VoxelRuns voxels_;
 };
 
 /// The tiles of a map by region, and how they become voxels.
@@ -67,9 +69,11 @@ class MapRegions {
   [[nodiscard]] std::vector<maps::RegionId> regions() const;
   /// Digest of what a region's voxels depend on: its tiles.
   [[nodiscard]] std::string source_of(maps::RegionId region) const;
-  /// @param region  one of `regions()`.
-  /// @throws maps::InputError for a tile that is damaged or holds a coordinate that is not finite.
-  [[nodiscard]] RegionContent build(maps::RegionId region) const;
+  /// @param region  one of `regions()`. @param scratch  as of `RegionBuilder`.
+  /// @throws maps::InputError for a tile that is damaged or holds a coordinate that is not finite,
+  /// maps::StorageError for `scratch`.
+  [[nodiscard]] RegionContent build(maps::RegionId region,
+                                    const std::filesystem::path& scratch) const;
 
  private:
   const maps::MapPackage& map_;

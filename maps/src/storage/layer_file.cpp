@@ -114,9 +114,9 @@ void write_layer(const std::filesystem::path& file, const std::string& digest,
   for (std::uint32_t band = 0; band < layer.bands.size(); ++band)
     parts.push_back(section_part(kValues, band, std::as_bytes(std::span(layer.bands[band].values)),
                                  sizeof(float)));
-  const SectionBytes content = section_bytes(kLayer, header_of(digest, layer), std::move(parts));
+  const SectionFile content(kLayer, header_of(digest, layer), std::move(parts));
   DerivedFile derived(file);
-  derived.append(content.bytes());
+  content.write([&](std::span<const std::byte> bytes) { derived.append(bytes); });
   derived.publish();
 }
 

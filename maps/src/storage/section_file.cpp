@@ -28,7 +28,7 @@ SectionPart section_part(std::uint32_t kind, std::uint32_t part, std::span<const
            .bytes = bytes.size(),
            .item_bytes = static_cast<std::uint32_t>(item_bytes),
            .crc = crc32c(bytes)},
-          bytes};
+          [bytes](const AppendBytes& append) { append(bytes); }};
 }
 
 SectionHeader sealed(const SectionFormat& format, SectionHeader header,
@@ -41,26 +41,37 @@ SectionHeader sealed(const SectionFormat& format, SectionHeader header,
   return header;
 }
 
-SectionBytes section_bytes(const SectionFormat& format, SectionHeader header,
-                           std::vector<SectionPart> parts) {
-  std::uint64_t end = aligned(section_table_end(parts.size()), format.alignment);
-  std::vector<Section> sections;
-  for (SectionPart& part : parts) {
-    part.section.offset = end;
-    end = aligned(end + part.bytes.size(), format.alignment);
-    sections.push_back(part.section);
+SectionFile::SectionFile(const SectionFormat& format, const SectionHeader& header,
+                         std::vector<SectionPart> parts)
+    : alignment_(format.alignment), parts_(std::move(parts)) {
+  std::uint64_t end = aligned(section_table_end(parts_.size()), alignment_);
+  for (const SectionPart& part : parts_) {
+    sections_.push_back(part.section);
+    sections_.back().offset = end;
+    end = aligned(end + part.section.bytes, alignment_);
   }
-  header = sealed(format, header, sections, end);
-  SectionBytes file{std::vector<CacheLine>(aligned(end, sizeof(CacheLine)) / sizeof(CacheLine)),
-                    end};
-  const std::span<std::byte> bytes = std::as_writable_bytes(std::span(file.lines));
-  std::memcpy(bytes.data(), &header, sizeof(header));
-  std::memcpy(bytes.data() + sizeof(header), sections.data(), sections.size() * sizeof(Section));
-  for (const SectionPart& part : parts) {
-    if (part.bytes.empty()) continue;
-    std::memcpy(bytes.data() + part.section.offset, part.bytes.data(), part.bytes.size());
+  header_ = sealed(format, header, sections_, end);
+}
+
+void SectionFile::write(const AppendBytes& append) const {
+  const std::vector<std::byte> zeros(alignment_);
+  const auto fill_gap_after = [&](std::uint64_t end) {
+    append(std::span(zeros).first(aligned(end, alignment_) - end));
+  };
+  append(std::as_bytes(std::span(&header_, 1)));
+  append(std::as_bytes(std::span(sections_)));
+  fill_gap_after(section_table_end(sections_.size()));
+  for (const SectionPart& part : parts_) {
+    part.write(append);
+    fill_gap_after(part.section.bytes);
   }
-  return file;
+}
+
+std::vector<CacheLine> SectionFile::lines() const {
+  std::vector<CacheLine> lines(aligned(header_.file_bytes, sizeof(CacheLine)) / sizeof(CacheLine));
+  auto to = std::as_writable_bytes(std::span(lines)).begin();
+  write([&](std::span<const std::byte> bytes) { to = std::copy(bytes.begin(), bytes.end(), to); });
+  return lines;
 }
 
 SectionTable::SectionTable(std::span<const std::byte> head, std::uint64_t file_bytes,

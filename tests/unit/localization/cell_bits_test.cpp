@@ -37,6 +37,12 @@ unsigned expected_hit(const std::vector<Voxel>& voxels, const Eigen::Vector3f& p
   });
 }
 
+CellBitsTable table_of(const std::vector<Voxel>& voxels, float edge_m) {
+  CellBitsTable table(edge_m);
+  for (const Voxel& voxel : voxels) table.add(voxel);
+  return table;
+}
+
 /// The grid of a region without neighbours.
 CellBits in_the_middle(const CellBitsTable& table, float edge_m) {
   const CellBits::Part part{.tiles = table.tiles(), .words = table.words(), .x = 1, .y = 1};
@@ -53,7 +59,7 @@ unsigned hit(const CellBits& bits, const Eigen::Vector3f& p) {
 TEST(CellBits, HitWhereAVoxelIsNear) {
   const std::vector<Voxel> voxels = some_voxels();
   for (const float edge_m : kPlaceGridEdgesM) {
-    const CellBitsTable table(voxels, edge_m);
+    const CellBitsTable table = table_of(voxels, edge_m);
     const CellBits bits = in_the_middle(table, edge_m);
     test::Random random(2);
     unsigned hits = 0;
@@ -73,7 +79,7 @@ TEST(CellBits, HitWhereAVoxelIsNear) {
 
 TEST(CellBits, AShiftCountsAsIfThePointsHadMoved) {
   const float edge_m = kPlaceGridEdgesM.front();
-  const CellBitsTable table(some_voxels(), edge_m);
+  const CellBitsTable table = table_of(some_voxels(), edge_m);
   const CellBits bits = in_the_middle(table, edge_m);
   test::Random random(3);
   for (int k = 0; k < 300; ++k) {
@@ -91,13 +97,13 @@ TEST(CellBits, AShiftCountsAsIfThePointsHadMoved) {
 }
 
 TEST(CellBits, OnlyTilesThatHoldSomethingTakeMemory) {
-  const CellBitsTable table(some_voxels(), 1.0F);
+  const CellBitsTable table = table_of(some_voxels(), 1.0F);
   // Of the 20 x 20 tiles those of the two far corners.
   EXPECT_EQ(table.words().size(), (20 + 1) * 32 * 32);
 }
 
 TEST(CellBits, NothingIsHitOutside) {
-  const CellBitsTable table(some_voxels(), 2.0F);
+  const CellBitsTable table = table_of(some_voxels(), 2.0F);
   const CellBits bits = in_the_middle(table, 2.0F);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(-0.5F, 50.0F, 5.0F)), 0U);
   EXPECT_EQ(hit(bits, Eigen::Vector3f(203.0F, 50.0F, 5.0F)), 0U);
@@ -107,7 +113,7 @@ TEST(CellBits, NothingIsHitOutside) {
 TEST(CellBits, APointMayLieInANeighbour) {
   std::vector<Voxel> voxels(1);
   voxels[0].mean = Eigen::Vector3f(639.5F, 3.5F, 3.5F);
-  const CellBitsTable table(voxels, 2.0F);
+  const CellBitsTable table = table_of(voxels, 2.0F);
   const CellBits::Part parts[] = {{.tiles = table.tiles(), .words = table.words(), .x = 0, .y = 2},
                                   {.tiles = table.tiles(), .words = table.words(), .x = 1, .y = 1}};
   const CellBits bits(2.0F, parts);

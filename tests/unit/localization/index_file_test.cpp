@@ -3,10 +3,12 @@
 #include "index/index_grid.hpp"
 #include "index/index_window.hpp"
 #include "index/map_level.hpp"
+#include "index/voxel_build.hpp"
 #include "reference/map_points.hpp"
 
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/crc32c.hpp>
+#include <stillmap/maps/derived_file.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -18,11 +20,13 @@
 #include <support/temporary_folder.hpp>
 
 #include <fcntl.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <csignal>
 #include <cstddef>
 #include <cstring>
 #include <filesystem>
@@ -409,10 +413,10 @@ TEST(IndexRoot, APlaceWithoutAViewIsRefused) {
   root.places.resize(2);
   root.views.resize(2);
   root.views[1].sectors[39] = 5;
-  const std::vector<CacheLine> whole = to_bytes(key, root);
+  const std::vector<CacheLine> whole = sections_of(key, root).lines();
   EXPECT_EQ(root_view(std::as_bytes(std::span(whole)), key, "root").views[1].sectors[39], 5U);
   root.views.pop_back();
-  const std::vector<CacheLine> broken = to_bytes(key, root);
+  const std::vector<CacheLine> broken = sections_of(key, root).lines();
   try {
     (void)root_view(std::as_bytes(std::span(broken)), key, "root");
     ADD_FAILURE();
@@ -507,6 +511,107 @@ TEST_F(IndexFile, WhereNoneCanBeWrittenItIsKeptInMemory) {
   EXPECT_THAT(index->kept_in_memory_because(), HasSubstr((map_->folder() / "index").string()));
   expect_same(*index, *MapIndex::build(*map_));
   index->verify();
+}
+
+/// Files may grow no further, and fail as on a full disk.
+class FileLimit {
+ public:
+  explicit FileLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+    EXPECT_EQ(getrlimit(RLIMIT_FSIZE, &before_), 0);
+    rlimit limit = before_;
+    limit.rlim_cur = bytes;
+    EXPECT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  }
+  ~FileLimit() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+  FileLimit(const FileLimit&) = delete;
+  FileLimit& operator=(const FileLimit&) = delete;
+
+ private:
+  void (*handler_)(int);
+  rlimit before_{};
+};
+
+TEST_F(IndexFile, IsWrittenWhereScratchFilesCannotBe) {
+  (void)open();
+  const std::string good = bytes_of(region_file());
+  fs::remove_all(map_->folder() / "index");
+  // The first piece of a scratch file is larger.
+  const FileLimit limit(good.size());
+  ASSERT_LT(good.size(), std::size_t{1} << 22);
+  EXPECT_THAT(open()->kept_in_memory_because(), IsEmpty());
+  EXPECT_EQ(bytes_of(region_file()), good);
+}
+
+TEST_F(IndexFile, OnAFullDiskItIsKeptInMemoryAndNothingIsLeft) {
+  (void)open();
+  const std::uint64_t bytes = fs::file_size(region_file());
+  fs::remove_all(map_->folder() / "index");
+  std::shared_ptr<const MapIndex> index;
+  {
+    const FileLimit limit(bytes - 1);
+    index = open();
+  }
+  EXPECT_THAT(index->kept_in_memory_because(), HasSubstr("too large"));
+  EXPECT_TRUE(fs::is_empty(map_->folder() / "index"));
+  expect_same(*index, *MapIndex::build(*map_));
+  EXPECT_EQ(open()->file(), file());
+}
+
+TEST_F(IndexFile, WhileAnotherWritesARegionItIsKeptInMemory) {
+  {
+    const maps::DerivedFile other(region_file());
+    const auto index = open();
+    EXPECT_THAT(index->kept_in_memory_because(), HasSubstr("being written by another process"));
+    expect_same(*index, *MapIndex::build(*map_));
+  }
+  EXPECT_TRUE(fs::is_empty(map_->folder() / "index"));
+}
+
+/// Streets of a region along both axes, over all of its blocks.
+std::vector<maps::MapPoint> crossing_streets() {
+  std::vector<maps::MapPoint> points;
+  for (const float at : {30.0F, 165.0F, 300.0F, 620.0F}) {
+    for (const maps::MapPoint& p : street(639.0)) {
+      points.push_back(p);
+      points.back().y += at;
+      points.push_back(p);
+      std::swap(points.back().x, points.back().y);
+      points.back().x += at;
+    }
+  }
+  return points;
+}
+
+TEST(IndexRegion, InItsFileOrInMemoryTheBytesAreTheSameAndEachVoxelIsInItsCell) {
+  const test::TemporaryFolder folder;
+  const auto map = maps::MapPackage::open(write_map(folder.path() / "map", crossing_streets()));
+  // Five of the coarsest cells in a block of 160 m, so that groups of four lie in two blocks.
+  const MapIndexOptions options{.finest_voxel_m = 1.0, .levels = 6};
+  const auto index = MapIndex::open(*map, options);
+  EXPECT_THAT(index->kept_in_memory_because(), IsEmpty());
+  const MapRegions regions(*map, options);
+  const RegionContent content = regions.build({}, {});
+  const IndexKey key{regions.source_of({}), options};
+  const std::vector<CacheLine> lines = sections_of(key, content).lines();
+  const auto bytes = std::as_bytes(std::span(lines));
+  const std::string file = bytes_of(region_file_of(map->folder(), options, {}));
+  ASSERT_EQ(file.size(), bytes.size());
+  EXPECT_EQ(std::memcmp(file.data(), bytes.data(), bytes.size()), 0);
+  index->verify();
+  std::size_t voxels = 0;
+  for (const MapIndex::Level& level : test::window_of(*index)->levels()) {
+    for (const test::FoundVoxel& found : test::voxels_of(level)) {
+      ++voxels;
+      // A mean on the border may be rounded across it.
+      const Eigen::Array3f beyond = found.mean.array() / level.edge_m - found.cell.cast<float>();
+      ASSERT_TRUE((beyond > -1e-3F).all() && (beyond < 1.0F + 1e-3F).all()) << beyond;
+    }
+  }
+  EXPECT_EQ(voxels, index->voxel_count());
+  EXPECT_GT(voxels, 100'000U);
 }
 
 TEST_F(IndexFile, HoldsTheBytesOfItsFormatNumber) {

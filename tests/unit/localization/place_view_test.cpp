@@ -70,7 +70,8 @@ std::vector<Voxel> pole_at(float x_m, float y_m) {
 }
 
 PlaceView view_at(const std::vector<Voxel>& voxels, const Eigen::Isometry3f& T) {
-  const CellBitsTable table(voxels, 1.0F);
+  CellBitsTable table(1.0F);
+  for (const Voxel& voxel : voxels) table.add(voxel);
   const CellBits::Part part{.tiles = table.tiles(), .words = table.words(), .x = 1, .y = 1};
   return view_of_place(CellBits(1.0F, {&part, 1}), T);
 }

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -73,11 +74,17 @@ static_assert(sizeof(Section) == 32);
   return sizeof(SectionHeader) + sections * sizeof(Section);
 }
 
+/// Takes the next bytes of a file.
+using AppendBytes = std::function<void(std::span<const std::byte>)>;
+
 /// A section that is to be written.
 struct SectionPart {
+  /// All but `offset`.
   Section section;
-  std::span<const std::byte> bytes;
+  /// Appends as many bytes as the section says, the same each time.
+  std::function<void(const AppendBytes&)> write;
 };
+/// @param bytes  outlive the part.
 [[nodiscard]] SectionPart section_part(std::uint32_t kind, std::uint32_t part,
                                        std::span<const std::byte> bytes, std::size_t item_bytes);
 
@@ -86,18 +93,24 @@ struct alignas(64) CacheLine {
   std::array<std::byte, 64> bytes;
 };
 
-/// A whole file in memory: the first `file_bytes` of the lines.
-struct SectionBytes {
-  std::vector<CacheLine> lines;
-  std::size_t file_bytes = 0;
+/// A whole file that is to be written.
+class SectionFile {
+ public:
+  /// @param header with `count` and `about`; the other fields are filled in.
+  SectionFile(const SectionFormat& format, const SectionHeader& header,
+              std::vector<SectionPart> parts);
 
-  [[nodiscard]] std::span<const std::byte> bytes() const {
-    return std::as_bytes(std::span(lines)).first(file_bytes);
-  }
+  /// From the beginning to the end.
+  void write(const AppendBytes& append) const;
+  /// The file in memory; zeros fill the last line.
+  [[nodiscard]] std::vector<CacheLine> lines() const;
+
+ private:
+  std::uint32_t alignment_;
+  SectionHeader header_;
+  std::vector<Section> sections_;
+  std::vector<SectionPart> parts_;
 };
-/// @param header with `count` and `about`; the other fields are filled in.
-[[nodiscard]] SectionBytes section_bytes(const SectionFormat& format, SectionHeader header,
-                                         std::vector<SectionPart> parts);
 
 /// Fills in the fields of a header but `count` and `about`, for who writes section by section.
 [[nodiscard]] SectionHeader sealed(const SectionFormat& format, SectionHeader header,
