@@ -49,6 +49,8 @@ step migration_kills tests/soak/migration_kills.py --program "$program" --packag
   --injector build/bench/libnth_call.so --kills 60
 sample() { tests/integration/sample_map.sh "$program" "$marks/sample"; }
 step sample sample
+step unit_kills tests/soak/unit_kills.py --program "$program" --drive "$marks/sample/drive" --runs 50 -- \
+  --detector geometric
 step shut_out tests/soak/shut_out.py --program "$program" --sample "$marks/sample"
 for operation in add activate roll_back remove mend "add by command" "activate by command" "make a key" start import \
   "short rebuild"; do

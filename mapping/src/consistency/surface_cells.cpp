@@ -238,6 +238,37 @@ void ConsistencySum::add(const ConsistencySum& other) {
   }
 }
 
+void ConsistencySum::put_into(std::string& bytes) const {
+  put_number(bytes, entropy_sum_);
+  put_number(bytes, entropy_points_);
+  for (const Kind& kind : kinds_) {
+    put_number(bytes, kind.cells);
+    // A tile fills a few of the bins.
+    const auto filled = std::count_if(kind.planar.begin(), kind.planar.end(),
+                                      [](std::uint64_t count) { return count > 0; });
+    put_number(bytes, static_cast<std::size_t>(filled));
+    for (std::size_t bin = 0; bin < kind.planar.size(); ++bin) {
+      if (kind.planar[bin] == 0) continue;
+      put_number(bytes, bin);
+      put_number(bytes, kind.planar[bin]);
+    }
+  }
+}
+
+void ConsistencySum::get_from(ByteReader& reader) {
+  *this = ConsistencySum();
+  entropy_sum_ = reader.number<double>();
+  entropy_points_ = reader.number<std::uint64_t>();
+  for (Kind& kind : kinds_) {
+    kind.cells = reader.number<std::uint64_t>();
+    for (std::size_t left = reader.count(16); left > 0; --left) {
+      const auto bin = reader.number<std::size_t>();
+      if (bin >= kind.planar.size()) reader.refuse("a bin that is none");
+      kind.planar[bin] = reader.number<std::uint64_t>();
+    }
+  }
+}
+
 MapConsistency ConsistencySum::result() const {
   MapConsistency out;
   out.entropy_points = entropy_points_;

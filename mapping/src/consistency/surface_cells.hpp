@@ -1,5 +1,7 @@
 #pragma once
 
+#include "core/byte_reader.hpp"
+
 #include <stillmap/mapping/map_consistency.hpp>
 #include <stillmap/maps/map_package.hpp>
 
@@ -62,6 +64,11 @@ class ConsistencySum {
   /// Sums of doubles: in the same order the same bits.
   void add(const ConsistencySum& other);
   [[nodiscard]] MapConsistency result() const;
+
+  /// For records of a build: all of it, bit by bit.
+  void put_into(std::string& bytes) const;
+  /// @throws std::invalid_argument.
+  void get_from(ByteReader& reader);
 
  private:
   /// Of one kind of surface: cells, and a histogram of the planar ones' thickness.

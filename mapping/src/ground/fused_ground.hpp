@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <optional>
 #include <span>
+#include <utility>
 
 namespace stillmap::mapping {
 
@@ -52,6 +53,11 @@ class FusedGround {
       double x, double y, std::optional<double> z = std::nullopt) const;
 
   [[nodiscard]] const GroundSheets& sheets() const { return sheets_; }
+  /// Takes over what another one finished, or a part of it, instead of adding and finishing.
+  void take(GroundSheets sheets) {
+    sheets_ = std::move(sheets);
+    finished_ = true;
+  }
 
  private:
   std::filesystem::path scratch_;

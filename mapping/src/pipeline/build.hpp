@@ -4,6 +4,7 @@
 #include "pipeline/fuse_stage.hpp"
 #include "pipeline/place_stage.hpp"
 #include "pipeline/poses_stage.hpp"
+#include "pipeline/survey_records.hpp"
 #include "pipeline/survey_stage.hpp"
 #include "registration/build_frame.hpp"
 #include "stacking/voxel_grid.hpp"
@@ -27,6 +28,19 @@
 
 namespace stillmap::mapping {
 
+/// Options as a build uses them. @throws std::invalid_argument naming a broken one.
+[[nodiscard]] MapBuildOptions usable(const MapBuildOptions& given);
+
+/// Drives as they are opened, and what was found of their IMUs, for people.
+struct DrivesOfBuild {
+  std::vector<maps::Drive> drives;
+  std::vector<std::string> notes;
+};
+[[nodiscard]] DrivesOfBuild open_for_build(const std::vector<std::filesystem::path>& folders,
+                                           const MapBuildOptions& options,
+                                           const ProgressCallback& progress,
+                                           const CancelFlag& cancel);
+
 /// What a build is asked to do and where it works; the same for all of its stages.
 struct BuildTask {
   const MapBuildOptions& options;
@@ -42,9 +56,12 @@ struct BuildTask {
   maps::Edits edits;
   /// A method that needs the whole map at once; nullptr = `options.clean` is ours or none.
   const Cleaner* cleaner;
-  maps::MapPackageWriter& writer;
+  /// None where a unit does another part of a build than the package.
+  maps::MapPackageWriter* writer;
   const ProgressCallback& progress;
   const CancelFlag& cancel;
+  /// Of a unit: poses are those that another unit found.
+  bool takes_poses = false;
 };
 
 /// A build on its way: each stage leaves its members for those after it.
@@ -110,6 +127,12 @@ void select_scans(Build& build);
 /// not are appended. When a scan's file is another one than its record says, all records are
 /// thrown away: another drive would be mixed in.
 void survey_scans(Build& build);
+
+/// Surveys the scans of a share, and writes them down. @param number  in [1, shares].
+void survey_share(Build& build, std::size_t number, std::size_t shares);
+
+/// Gathers what units surveyed.
+void gather_survey(Build& build, const SurveyRecords& records);
 
 /// Joins the boxes of all scans into objects (`options.fusion`), or makes an object of each; then a
 /// user's corrections. The ground below objects that stood still is closed.

@@ -44,33 +44,50 @@ bool is_hex(const std::array<char, 64>& sum) {
 
 }  // namespace
 
-BuildJournal::BuildJournal(const std::filesystem::path& folder, std::string stage, std::string key)
+BuildJournal::BuildJournal(const std::filesystem::path& folder, std::string stage, std::string key,
+                           Use use)
     : stage_(std::move(stage)),
       key_(std::move(key)),
       key_sum_(maps::sha256_of(key_)),
       file_(folder / (stage_ + ".journal")),
+      use_(use),
       synced_(std::chrono::steady_clock::now()) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw maps::StorageError(folder.string(), error.message());
-  descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-  if (descriptor_ < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
+  open_file(folder);
+  if (descriptor_ < 0) return;
   try {
     open_found();
+    if (use_ == Use::kRead && !complete_ && discarded_.empty()) discard("it is not complete");
   } catch (...) {
     ::close(descriptor_);
     throw;
   }
 }
 
-BuildJournal::~BuildJournal() { ::close(descriptor_); }
+void BuildJournal::open_file(const std::filesystem::path& folder) {
+  if (use_ == Use::kRead) {
+    descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    if (descriptor_ < 0 && errno != ENOENT)
+      throw maps::StorageError(file_.string(), std::strerror(errno));
+    if (descriptor_ < 0) discarded_ = "it is not there";
+    return;
+  }
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw maps::StorageError(folder.string(), error.message());
+  descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+  if (descriptor_ < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
+}
+
+BuildJournal::~BuildJournal() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
 
 void BuildJournal::open_found() {
   struct stat status {};
   if (::fstat(descriptor_, &status) != 0)
     throw maps::StorageError(file_.string(), std::strerror(errno));
   const auto bytes = static_cast<std::uint64_t>(status.st_size);
-  if (bytes == 0) return begin();
+  if (bytes == 0 && use_ == Use::kWrite) return begin();
   Head head;
   std::string key;
   bool whole = bytes >= sizeof head && read_at(0, reinterpret_cast<char*>(&head), sizeof head) &&
@@ -98,11 +115,12 @@ void BuildJournal::walk(std::uint64_t bytes) {
     } else {
       if (head.size > left) break;
       found_.push_back(end_);
+      sum_ = maps::sha256_of(sum_ + std::string(text_of(head.sum)));
       end_ += sizeof head + head.size;
     }
   }
   next_ = found_.size();
-  if (end_ != bytes) truncate(end_);
+  if (end_ != bytes && use_ == Use::kWrite) truncate(end_);
 }
 
 void BuildJournal::begin() {
@@ -121,7 +139,14 @@ void BuildJournal::discard(const std::string& why) {
   found_.clear();
   complete_ = false;
   next_ = 0;
-  begin();
+  if (use_ == Use::kWrite) begin();
+}
+
+void BuildJournal::require_complete(std::string_view unit) const {
+  if (complete_) return;
+  throw maps::InputError(
+      file_.string(), fmt::format("no finished work of this build ({})", discarded_),
+      fmt::format("what the unit '{0}' writes: do --unit {0} first, with the same options", unit));
 }
 
 std::string BuildJournal::sum_of(std::string_view kind, std::size_t place,

@@ -23,11 +23,17 @@ namespace stillmap::mapping {
 /// end.
 class BuildJournal {
  public:
-  /// Opens what a killed build left, or begins.
+  enum class Use : std::uint8_t {
+    kWrite,  ///< By one process at a time.
+    kRead,   ///< By any number, once it is complete. Its file stays as it is; nothing is appended.
+  };
+  /// Opens what a killed build left, or begins. A journal that is read is empty, and `discarded`
+  /// says why, when it is not there, not complete, or of another key.
   /// @param folder  made if missing; the journal is the file `STAGE.journal` in it.
   /// @param key     lines "NAME: VALUE".
   /// @throws maps::StorageError naming the file.
-  BuildJournal(const std::filesystem::path& folder, std::string stage, std::string key);
+  BuildJournal(const std::filesystem::path& folder, std::string stage, std::string key,
+               Use use = Use::kWrite);
   ~BuildJournal();
   BuildJournal(const BuildJournal&) = delete;
   BuildJournal& operator=(const BuildJournal&) = delete;
@@ -38,6 +44,12 @@ class BuildJournal {
   [[nodiscard]] bool is_complete() const { return complete_; }
   /// Why what was found was thrown away; empty when it was not.
   [[nodiscard]] const std::string& discarded() const { return discarded_; }
+  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+  /// For one that is read. @param unit  that writes it, for the message.
+  /// @throws maps::InputError when it is not complete.
+  void require_complete(std::string_view unit) const;
+  /// Of all records that were found: another one when any of them is another. SHA-256, hex.
+  [[nodiscard]] const std::string& sum() const { return sum_; }
 
   /// @param record  in [0, size()).
   /// @return its bytes; nothing when they are not those that were written.
@@ -61,6 +73,7 @@ class BuildJournal {
 
  private:
   void begin();
+  void open_file(const std::filesystem::path& folder);
   void open_found();
   void walk(std::uint64_t bytes);
   void write(std::string_view bytes);
@@ -76,11 +89,13 @@ class BuildJournal {
   std::string key_;
   std::string key_sum_;
   std::filesystem::path file_;
+  Use use_;
   int descriptor_ = -1;
   /// Where the records begin that were found.
   std::vector<std::uint64_t> found_;
   bool complete_ = false;
   std::string discarded_;
+  std::string sum_;
   std::size_t next_ = 0;
   std::uint64_t end_ = 0;
   std::chrono::steady_clock::time_point synced_;

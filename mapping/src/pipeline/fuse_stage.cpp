@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace stillmap::mapping {
 namespace {
@@ -84,17 +85,15 @@ std::vector<std::vector<ScanObject>> scan_objects(const DriveSet& drives,
 }
 
 BuildObjects objects_of(const Build& build) {
-  const DriveSet& drives = *build.drives;
   const Survey& survey = *build.survey;
   const BuildTask& task = build.task;
-  const std::vector<DetectedScan> scans = detected_scans(drives, survey);
-  const std::vector<EditScan> edit_scans = edit_scans_of(drives);
+  const std::vector<DetectedScan> scans = detected_scans(*build.drives, survey);
   FusedObjects fused;
   if (task.options.fusion) {
     const BoxRayCounter count_rays = [&](std::size_t scan, const maps::Box& box) {
       // Fusion asks this many thousand times.
       if (task.cancel) throw Cancelled();
-      return survey.views.read(scan)->count(box);
+      return survey.view(scan)->count(box);
     };
     fused = fuse_boxes(scans, count_rays);
     // The verdict is one on what goes by shapes in single scans. A network has learned these, and
@@ -104,20 +103,27 @@ BuildObjects objects_of(const Build& build) {
   } else {
     fused.objects = unfused(scans);
   }
+  EditResult edits = apply_edits(fused, task.edits, edit_scans_of(*build.drives));
+  return in_scans(build, std::move(fused.objects), std::move(edits));
+}
+
+}  // namespace
+
+BuildObjects in_scans(const Build& build, std::vector<FusedObject> objects, EditResult edits) {
+  const DriveSet& drives = *build.drives;
+  const std::vector<EditScan> edit_scans = edit_scans_of(drives);
   BuildObjects out;
-  out.edits = apply_edits(fused, task.edits, edit_scans);
-  out.objects = std::move(fused.objects);
+  out.edits = std::move(edits);
+  out.objects = std::move(objects);
   out.by_scan = scan_objects(drives, out.objects);
   out.kept_by_scan.resize(drives.size());
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const Eigen::Isometry3d T_lidar_map = drives.T_map_scan(i).inverse();
-    for (const maps::Box& box : kept_regions(task.edits, edit_scans[i]))
+    for (const maps::Box& box : kept_regions(build.task.edits, edit_scans[i]))
       out.kept_by_scan[i].push_back(moved_by(T_lidar_map, box));
   }
   return out;
 }
-
-}  // namespace
 
 void fuse_objects(Build& build) {
   const StageTimer timer(build.result.stage_seconds, "fuse");

@@ -24,6 +24,12 @@ struct BuildObjects {
   EditResult edits;
 };
 
+struct Build;
+
+/// Objects as they lie in each scan.
+[[nodiscard]] BuildObjects in_scans(const Build& build, std::vector<FusedObject> objects,
+                                    EditResult edits);
+
 /// Where objects stood still, in the local frame.
 [[nodiscard]] std::vector<GroundFootprint> footprints_of(const std::vector<FusedObject>& objects,
                                                          const Eigen::Vector3d& origin);

@@ -122,53 +122,53 @@ bool estimates_poses(const std::vector<std::filesystem::path>& drives,
   return odometry_of(open_drives(drives, options), options) != "given";
 }
 
-namespace {
+MapBuildOptions usable(const MapBuildOptions& given) {
+  const MapBuildOptions options = completed(given);
+  if (const auto broken = options.violations(); !broken.empty())
+    throw std::invalid_argument("build options: " + broken.front());
+  return options;
+}
 
-/// Fits the IMUs of drives that have one. @return what was found.
-std::vector<std::string> fit_imus(std::vector<maps::Drive>& drives, const MapBuildOptions& options,
-                                  const ProgressCallback& progress, const CancelFlag& cancel) {
-  std::vector<std::string> notes;
-  for (maps::Drive& drive : drives) {
+DrivesOfBuild open_for_build(const std::vector<std::filesystem::path>& folders,
+                             const MapBuildOptions& options, const ProgressCallback& progress,
+                             const CancelFlag& cancel) {
+  DrivesOfBuild opened{open_drives(folders, options), {}};
+  for (maps::Drive& drive : opened.drives) {
     const std::size_t own = drive.contents().notes.size();
     drive = with_fitted_imu(drive, options.threads, progress, cancel);
     const std::vector<std::string>& all = drive.contents().notes;
     for (std::size_t i = own; i < all.size(); ++i)
-      notes.push_back(fmt::format("{}: {}", drive.contents().root.string(), all[i]));
+      opened.notes.push_back(fmt::format("{}: {}", drive.contents().root.string(), all[i]));
   }
-  return notes;
+  return opened;
 }
-
-}  // namespace
 
 MapBuildResult build_map(const std::vector<std::filesystem::path>& folders,
                          const std::filesystem::path& target, const MapBuildOptions& given,
                          const ProgressCallback& progress, const CancelFlag& cancel,
                          const CleanerFactory& make_cleaner) {
-  const MapBuildOptions options = completed(given);
-  if (const auto broken = options.violations(); !broken.empty())
-    throw std::invalid_argument("build options: " + broken.front());
+  const MapBuildOptions options = usable(given);
   const std::unique_ptr<Cleaner> cleaner = cleaner_of(options.clean, make_cleaner);
-  std::vector<maps::Drive> drives = open_drives(folders, options);
-  std::vector<std::string> notes = fit_imus(drives, options, progress, cancel);
+  DrivesOfBuild opened = open_for_build(folders, options, progress, cancel);
   maps::MapPackageWriter writer(target, options.journal_folder ? "" : kJournalFolder);
   const std::filesystem::path journal_folder =
       options.journal_folder.value_or(writer.folder() / kJournalFolder);
   try {
     const BuildTask task{
         .options = options,
-        .odometry = odometry_of(drives, options),
+        .odometry = odometry_of(opened.drives, options),
         .folders = folders,
-        .drives = drives,
+        .drives = opened.drives,
         .journal_folder = journal_folder,
         .scratch = writer.folder() / kScratchFolder,
         .edits = options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{},
         .cleaner = cleaner.get(),
-        .writer = writer,
+        .writer = &writer,
         .progress = progress,
         .cancel = cancel};
     std::filesystem::create_directory(task.scratch);
     Build build(task);
-    build.result.notes = std::move(notes);
+    build.result.notes = std::move(opened.notes);
     for (const Stage stage : kStages) stage(build);
     return std::move(build.result);
   } catch (const Cancelled&) {

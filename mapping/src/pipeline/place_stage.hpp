@@ -1,12 +1,16 @@
 #pragma once
 
 #include "core/flag_store.hpp"
+#include "drives/drive_set.hpp"
 #include "stacking/tile_stack.hpp"
+
+#include <stillmap/maps/map_package.hpp>
 
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <vector>
 
 namespace stillmap::mapping {
 
@@ -21,5 +25,11 @@ struct Placed {
   /// By number of the object plus 1.
   std::map<std::uint32_t, std::uint64_t> points_removed;
 };
+
+struct BuildObjects;
+
+/// Scans and objects of each drive.
+[[nodiscard]] std::vector<maps::MapManifest::DriveCounts> drive_counts(const DriveSet& drives,
+                                                                       const BuildObjects& objects);
 
 }  // namespace stillmap::mapping

@@ -229,17 +229,22 @@ PosedDrives with_estimated_poses(Build& build) {
   return posed;
 }
 
+BuildJournal::Use use_of(const BuildTask& task) {
+  return task.takes_poses ? BuildJournal::Use::kRead : BuildJournal::Use::kWrite;
+}
+
 /// What motion says of the clocks, or a killed build had found.
 std::vector<double> journaled_offsets_s(Build& build) {
   const BuildTask& task = build.task;
   BuildJournal journal(task.journal_folder, "pose_time_offset",
-                       trajectory_key(task.drives, task.options, "pose time offset"));
+                       trajectory_key(task.drives, task.options, "pose time offset"), use_of(task));
   if (const auto known = journal.is_complete() ? journal.read(0) : std::nullopt) {
     std::istringstream stream(*known);
     std::vector<double> offsets_s{std::istream_iterator<double>(stream), {}};
     if (offsets_s.size() == task.drives.size()) return offsets_s;
     journal.discard("not one offset a drive");
   }
+  if (task.takes_poses) journal.require_complete("poses");
   journal.keep(0);
   const StageTimer timer(build.result.stage_seconds, "pose time offset");
   std::vector<double> offsets_s = found_pose_time_offsets(task);
@@ -252,7 +257,7 @@ std::vector<double> journaled_offsets_s(Build& build) {
 PosedDrives journaled_poses(Build& build) {
   const BuildTask& task = build.task;
   BuildJournal journal(task.journal_folder, "trajectory",
-                       trajectory_key(build.shifted, task.options, task.odometry));
+                       trajectory_key(build.shifted, task.options, task.odometry), use_of(task));
   if (journal.is_complete()) {
     try {
       if (const auto bytes = journal.read(0)) return posed_drives_from(*bytes, build.shifted);
@@ -260,6 +265,7 @@ PosedDrives journaled_poses(Build& build) {
       journal.discard(error.what());
     }
   }
+  if (task.takes_poses) journal.require_complete("poses");
   journal.keep(0);
   warn_of_discarded(journal, build.result);
   const StageTimer timer(build.result.stage_seconds, "trajectory");

@@ -205,14 +205,20 @@ std::vector<std::size_t> ScanWork::scans_to_learn_from(const DriveSet& drives) {
   return scans;
 }
 
-void ScanWork::learn(const CancelFlag& cancel) {
+void ScanWork::learn(ScanRange range, const CancelFlag& cancel) {
   const auto read_dry = [this](std::size_t number) {
     Counts unused;
     maps::Scan scan = drives_.read(number, unused);
     take_out_weather(scan);
     return scan;
   };
-  const std::vector<std::size_t> of_ground = ground_samples(drives_);
+  const auto is_of_others = [&](std::size_t scan) {
+    const auto drive_of = [this](std::size_t ordinal) { return drives_.place(ordinal).drive; };
+    return range.size() == 0 || drive_of(scan) < drive_of(range.begin) ||
+           drive_of(scan) > drive_of(range.end - 1);
+  };
+  std::vector<std::size_t> of_ground = ground_samples(drives_);
+  std::erase_if(of_ground, is_of_others);
   std::size_t learned = 0;
   process_in_order(
       of_ground.size(), options_.threads, [&](std::size_t i) { return read_dry(of_ground[i]); },
@@ -223,7 +229,7 @@ void ScanWork::learn(const CancelFlag& cancel) {
       cancel);
   auto of_vehicle = vehicle_samples(drives_);
   std::erase_if(of_vehicle, [&](const auto& scans) {
-    return drives_.note(scans.first) == ScanNote::kHidden ||
+    return is_of_others(scans.first) || drives_.note(scans.first) == ScanNote::kHidden ||
            drives_.note(scans.second) == ScanNote::kHidden;
   });
   std::vector<std::vector<OwnVehicle::Sample>> samples(drives_.drives().size());

@@ -30,6 +30,13 @@ namespace stillmap::mapping {
 
 using Counts = std::map<std::string, std::uint64_t>;
 
+/// Scans by ordinal: the first, and one behind the last.
+struct ScanRange {
+  std::size_t begin = 0;
+  std::size_t end = 0;
+  [[nodiscard]] std::size_t size() const { return end - begin; }
+};
+
 /// What is found in one scan.
 struct SurveyedScan {
   std::size_t scan = 0;
@@ -94,8 +101,8 @@ class ScanWork {
   /// Ordinals of the scans that `learn` reads.
   [[nodiscard]] static std::vector<std::size_t> scans_to_learn_from(const DriveSet& drives);
   /// Adapts the ground stage to each drive by some of its scans, and finds what its vehicle carries
-  /// or tows.
-  void learn(const CancelFlag& cancel);
+  /// or tows. Only of drives that have scans in a range.
+  void learn(ScanRange range, const CancelFlag& cancel);
 
   /// Of the map.
   [[nodiscard]] const Eigen::Vector3d& origin() const { return grid_.origin(); }

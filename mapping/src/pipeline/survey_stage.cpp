@@ -5,6 +5,7 @@
 #include "pipeline/build_journal.hpp"
 #include "pipeline/build_key.hpp"
 #include "pipeline/build_warnings.hpp"
+#include "pipeline/survey_records.hpp"
 #include "pipeline/surveyed_scan_bytes.hpp"
 
 #include <fmt/format.h>
@@ -16,33 +17,11 @@
 namespace stillmap::mapping {
 namespace {
 
-/// A record cannot be used; the survey begins again with those before it.
-struct UnusableRecord : std::runtime_error {
-  /// @param why  empty: broken bytes, as a power cut leaves them.
-  UnusableRecord(std::size_t keep_records, const std::string& why)
-      : std::runtime_error(why), keep(keep_records) {}
-  std::size_t keep;
-};
-
 struct Journaled {
   SurveyedScan scan;
   /// For the journal; empty when it is there already.
   std::string record;
 };
-
-SurveyedScan from_journal(const BuildJournal& journal, const DriveSet& drives, std::size_t scan) {
-  const std::optional<std::string> bytes = journal.read(scan);
-  if (!bytes) throw UnusableRecord(scan, {});
-  try {
-    SurveyedScan surveyed = surveyed_scan_from(*bytes);
-    if (surveyed.scan != scan) throw UnusableRecord(scan, {});
-    const std::string sha256 = drives.sha256(scan);
-    if (surveyed.sha256 == sha256) return surveyed;
-  } catch (const std::invalid_argument&) {
-    throw UnusableRecord(scan, {});
-  }
-  throw UnusableRecord(0, drives.name(scan) + " has changed");
-}
 
 Journaled journaled(SurveyedScan scan) {
   Journaled out{std::move(scan), {}};
@@ -51,19 +30,13 @@ Journaled journaled(SurveyedScan scan) {
   return out;
 }
 
-class Surveying {
+/// Gathers what was found, scan by scan.
+class Gathering {
  public:
-  Surveying(const Build& build, BuildJournal& journal)
-      : drives_(*build.drives),
-        journal_(journal),
-        progress_(build.task.progress),
-        survey_(std::make_unique<Survey>(build.task.scratch)) {
-    survey_->resumed = journal.size();
-  }
+  explicit Gathering(const Build& build)
+      : drives_(*build.drives), survey_(std::make_unique<Survey>(build.task.scratch)) {}
 
-  void take(Journaled next) {
-    SurveyedScan& scan = next.scan;
-    const bool resumed = next.record.empty();
+  void take(SurveyedScan scan) {
     {
       const StageTimer timer(scan.stage_seconds, "fuse ground");
       survey_->ground.add(scan.ground_cells);
@@ -73,18 +46,14 @@ class Surveying {
       survey_->obstacles.add(drives_.place(scan.scan).drive, scan.obstacles);
     }
     survey_->views.append(*scan.view);
-    if (!resumed) {
-      const StageTimer timer(scan.stage_seconds, "journal");
-      journal_.append(next.record);
-    }
     survey_->sources += fmt::format("{}  {}\n", scan.sha256, drives_.name(scan.scan));
     add_to(survey_->counts, scan.counts);
     add_to(survey_->stage_seconds, scan.stage_seconds);
     survey_->is_ground.append(scan.is_ground);
     survey_->weather.append(scan.weather);
+    survey_->box_count += scan.boxes.size();
     survey_->boxes.push_back(std::move(scan.boxes));
     if (survey_->boxes.size() % kRestScans == 0) survey_->ground.rest();
-    tell_progress(resumed);
   }
 
   std::unique_ptr<Survey> finish() {
@@ -93,39 +62,50 @@ class Surveying {
   }
 
  private:
-  /// Taking over is a stage of its own: it is far faster, and would spoil the estimate of the time
-  /// that is left.
-  void tell_progress(bool resumed) const {
-    if (!progress_) return;
-    const std::size_t before = survey_->resumed;
-    if (resumed)
-      progress_("resume", survey_->boxes.size(), before);
-    else
-      progress_("survey", survey_->boxes.size() - before, drives_.size() - before);
-  }
-
   const DriveSet& drives_;
-  BuildJournal& journal_;
-  const ProgressCallback& progress_;
   std::unique_ptr<Survey> survey_;
 };
 
-std::unique_ptr<Survey> surveyed(const Build& build, BuildJournal& journal) {
+/// Surveys a range of scans, or takes what the journal has of it, and writes down what it has not.
+/// @param gathers  whether what was found is kept.
+/// @return null when not.
+std::unique_ptr<Survey> surveyed(const Build& build, ScanRange range, BuildJournal& journal,
+                                 bool gathers) {
   const DriveSet& drives = *build.drives;
   while (true) {
     try {
-      journal.keep(drives.size());
+      journal.keep(range.size());
       const std::size_t found = journal.size();
-      Surveying surveying(build, journal);
+      std::optional<Gathering> gathering;
+      if (gathers) gathering.emplace(build);
+      std::size_t taken = 0;
       process_in_order(
-          drives.size(), build.task.options.threads,
-          [&](std::size_t scan) -> Journaled {
-            if (scan < found) return {from_journal(journal, drives, scan), {}};
+          range.size(), build.task.options.threads,
+          [&](std::size_t i) -> Journaled {
+            const std::size_t scan = range.begin + i;
+            if (i < found) return {surveyed_before(journal, range.begin, drives, scan), {}};
             return journaled(build.scan_work->survey(scan));
           },
-          [&](Journaled scan) { surveying.take(std::move(scan)); }, build.task.cancel);
+          [&](Journaled next) {
+            // Taking over is a stage of its own: it is far faster, and would spoil the estimate of
+            // the time that is left.
+            const bool resumed = ++taken <= found;
+            if (!resumed) {
+              const StageTimer timer(next.scan.stage_seconds, "journal");
+              journal.append(next.record);
+            }
+            if (gathering) gathering->take(std::move(next.scan));
+            if (resumed)
+              build.tell("resume", taken, found);
+            else
+              build.tell("survey", taken - found, range.size() - found);
+          },
+          build.task.cancel);
       journal.complete();
-      return surveying.finish();
+      if (!gathering) return nullptr;
+      std::unique_ptr<Survey> survey = gathering->finish();
+      survey->resumed = found;
+      return survey;
     } catch (const UnusableRecord& unusable) {
       const std::string why = unusable.what();
       if (why.empty())
@@ -136,9 +116,27 @@ std::unique_ptr<Survey> surveyed(const Build& build, BuildJournal& journal) {
   }
 }
 
+void set_survey(Build& build, std::unique_ptr<Survey> survey) {
+  build.survey = std::move(survey);
+  add_to(build.result.stage_seconds, build.survey->stage_seconds);
+  add_to(build.result.points, build.survey->counts);
+  build.result.resumed_scans = build.survey->resumed;
+}
+
 }  // namespace
 
-PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
+Survey::Survey(const std::filesystem::path& scratch)
+    : is_ground(scratch),
+      weather(scratch),
+      ground(scratch),
+      obstacles(scratch),
+      views(scratch),
+      found([this](std::size_t scan) {
+        return FoundInScan{is_ground.read(scan), weather.read(scan)};
+      }),
+      view([this](std::size_t scan) { return views.read(scan); }) {}
+
+PosedViews posed_views(const DriveSet& drives, const Survey& survey,
                        const Eigen::Vector3d& origin) {
   PosedViews posed;
   for (std::size_t scan = 0; scan < drives.size(); ++scan) {
@@ -147,20 +145,39 @@ PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
     posed.T_local_lidar.push_back(T);
     posed.doubts.push_back(drives.doubt(scan));
   }
-  posed.read = [&views](std::size_t scan) { return views.read(scan); };
+  posed.read = [&survey](std::size_t scan) { return survey.view(scan); };
   return posed;
 }
 
 void survey_scans(Build& build) {
-  const MapBuildOptions& options = build.task.options;
-  build.scan_work.emplace(*build.drives, options, *build.grid);
-  build.scan_work->learn(build.task.cancel);
-  BuildJournal journal(build.task.journal_folder, "survey", survey_key(build));
-  build.survey = surveyed(build, journal);
-  add_to(build.result.stage_seconds, build.survey->stage_seconds);
-  add_to(build.result.points, build.survey->counts);
-  build.result.resumed_scans = build.survey->resumed;
+  build.scan_work.emplace(*build.drives, build.task.options, *build.grid);
+  build.scan_work->learn({0, build.drives->size()}, build.task.cancel);
+  BuildJournal journal(build.task.journal_folder, kWholeSurvey, survey_key(build));
+  set_survey(build, surveyed(build, {0, build.drives->size()}, journal, true));
   warn_of_discarded(journal, build.result);
+}
+
+void survey_share(Build& build, std::size_t number, std::size_t shares) {
+  const ScanRange range = share_of_scans(build.drives->size(), number, shares);
+  build.scan_work.emplace(*build.drives, build.task.options, *build.grid);
+  build.scan_work->learn(range, build.task.cancel);
+  BuildJournal journal(build.task.journal_folder, survey_stage_name(number, shares),
+                       survey_key(build));
+  (void)surveyed(build, range, journal, false);
+}
+
+void gather_survey(Build& build, const SurveyRecords& records) {
+  Gathering gathering(build);
+  const std::size_t scans = build.drives->size();
+  std::size_t taken = 0;
+  process_in_order(
+      scans, build.task.options.threads, [&](std::size_t scan) { return records.read(scan); },
+      [&](SurveyedScan scan) {
+        gathering.take(std::move(scan));
+        build.tell("resume", ++taken, scans);
+      },
+      build.task.cancel);
+  set_survey(build, gathering.finish());
 }
 
 }  // namespace stillmap::mapping

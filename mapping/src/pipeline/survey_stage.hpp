@@ -12,6 +12,8 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -23,16 +25,23 @@ inline constexpr std::size_t kRestScans = 256;
 /// What was found scan by scan.
 struct Survey {
   /// `scratch` is a folder.
-  explicit Survey(const std::filesystem::path& scratch)
-      : is_ground(scratch), weather(scratch), ground(scratch), obstacles(scratch), views(scratch) {}
+  explicit Survey(const std::filesystem::path& scratch);
+  // Its functions refer to it.
+  Survey(const Survey&) = delete;
+  Survey& operator=(const Survey&) = delete;
 
   /// By ordinal of the scan.
   std::vector<std::vector<maps::Box>> boxes;
+  std::size_t box_count = 0;
   /// Flags as in `FoundInScan`.
   FlagStore is_ground, weather;
   FusedGround ground;
   ObstacleStore obstacles;
   RangeViewStore views;
+  /// Flags and view of a scan: out of the stores above, or wherever a unit finds them. Safe from
+  /// several threads.
+  std::function<FoundInScan(std::size_t scan)> found;
+  std::function<std::shared_ptr<const RangeView>(std::size_t scan)> view;
   /// SHA-256 and name of every scan's file, a line each as `sha256sum` prints it.
   std::string sources;
   /// Scans that were taken from the journal.
@@ -42,8 +51,8 @@ struct Survey {
   StageSeconds stage_seconds;
 };
 
-/// The views of all scans with their poses. @param views  must outlive what is returned.
-[[nodiscard]] PosedViews posed_views(const DriveSet& drives, const RangeViewStore& views,
+/// The views of all scans with their poses. @param survey  must outlive what is returned.
+[[nodiscard]] PosedViews posed_views(const DriveSet& drives, const Survey& survey,
                                      const Eigen::Vector3d& origin);
 
 }  // namespace stillmap::mapping

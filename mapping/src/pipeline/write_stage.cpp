@@ -22,8 +22,7 @@ std::map<std::string, std::uint64_t> object_counts(const Build& build,
                                                    const std::vector<maps::MapObject>& objects) {
   std::map<std::string, std::uint64_t> counts{{"parked", 0}, {"moving", 0}};
   for (const maps::MapObject& object : objects) ++counts[std::string(name_of(object.motion))];
-  counts["boxes"] = 0;
-  for (const auto& boxes : build.survey->boxes) counts["boxes"] += boxes.size();
+  counts["boxes"] = build.survey->box_count;
   for (const auto& [reason, count] : build.scan_work->dropped_boxes())
     counts["dropped: " + reason] = count;
   counts["edits_applied"] = build.objects.edits.applied;
@@ -38,7 +37,7 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
 }
 
 void write_sources(const Build& build, const std::vector<maps::MapObject>& objects) {
-  maps::MapPackageWriter& writer = build.task.writer;
+  maps::MapPackageWriter& writer = *build.task.writer;
   const std::vector<maps::Trajectory> trajectories = build.drives->trajectories();
   for (std::size_t i = 0; i < trajectories.size(); ++i) writer.write_trajectory(trajectories[i], i);
   writer.write_objects(objects);
@@ -72,7 +71,7 @@ void write_package(Build& build) {
   result.seconds = seconds_since(build.began);
   result.scans_per_second = static_cast<double>(result.scans) / std::max(result.seconds, 1e-9);
   result.peak_rss_mib = maps::peak_rss_mib();
-  result.digest = build.task.writer.publish(manifest_of(build), to_json(result));
+  result.digest = build.task.writer->publish(manifest_of(build), to_json(result));
 }
 
 }  // namespace stillmap::mapping

@@ -44,9 +44,11 @@ TileStack::~TileStack() {
   if (scratch_) std::filesystem::remove(scratch_file_, ignored);
 }
 
-void TileStack::add(const ScanVoxels& scan) {
+void TileStack::add(const ScanVoxels& scan, const std::function<bool(maps::TileId)>& wanted) {
   for (const auto& [id, voxels] : scan.tiles()) {
+    if (wanted && !wanted(id)) continue;
     Tile& tile = tiles_[id];
+    if (tile.written) bring_back(tile);
     const std::size_t before = tile.voxels.sums().size();
     for (const VoxelSum& sum : voxels.sums()) tile.voxels.add(sum, false);
     tile.last_scan = scan.scan();
@@ -74,7 +76,7 @@ void TileStack::write(Tile& tile) {
   if (!scratch_ ||
       std::fwrite(sums.data(), sizeof(VoxelSum), sums.size(), scratch_.get()) != sums.size())
     throw maps::StorageError(scratch_file_.string(), std::strerror(errno));
-  tile.parts.push_back({written_, sums.size()});
+  tile.written = {written_, sums.size()};
   written_ += sums.size() * sizeof(VoxelSum);
   voxels_ -= sums.size();
   tile.voxels = {};
@@ -86,21 +88,30 @@ std::vector<maps::TileId> TileStack::tiles() const {
   return ids;
 }
 
+void TileStack::bring_back(Tile& tile) {
+  for (const VoxelSum& sum : read_back(*tile.written)) tile.voxels.add(sum, false);
+  voxels_ += tile.voxels.sums().size();
+  tile.written.reset();
+}
+
+std::vector<VoxelSum> TileStack::read_back(Part part) const {
+  std::vector<VoxelSum> sums(part.voxels);
+  const auto bytes = static_cast<ssize_t>(sums.size() * sizeof(VoxelSum));
+  if (std::fflush(scratch_.get()) != 0)
+    throw maps::StorageError(scratch_file_.string(), std::strerror(errno));
+  if (::pread(::fileno(scratch_.get()), sums.data(), static_cast<std::size_t>(bytes),
+              static_cast<off_t>(part.offset)) != bytes)
+    throw maps::StorageError(scratch_file_.string(), "a tile cannot be read back");
+  return sums;
+}
+
 std::vector<VoxelSum> TileStack::read(maps::TileId id) const {
   const Tile& tile = tiles_.at(id);
-  VoxelSums whole;
-  if (!tile.parts.empty() && std::fflush(scratch_.get()) != 0)
-    throw maps::StorageError(scratch_file_.string(), std::strerror(errno));
-  for (const Part& part : tile.parts) {
-    std::vector<VoxelSum> sums(part.voxels);
-    const auto bytes = static_cast<ssize_t>(sums.size() * sizeof(VoxelSum));
-    if (::pread(::fileno(scratch_.get()), sums.data(), static_cast<std::size_t>(bytes),
-                static_cast<off_t>(part.offset)) != bytes)
-      throw maps::StorageError(scratch_file_.string(), "a tile cannot be read back");
-    for (const VoxelSum& sum : sums) whole.add(sum, false);
-  }
-  for (const VoxelSum& sum : tile.voxels.sums()) whole.add(sum, false);
-  return whole.take_sorted();
+  std::vector<VoxelSum> sums = tile.written ? read_back(*tile.written) : tile.voxels.sums();
+  // Which is independent of the order in which they came.
+  std::sort(sums.begin(), sums.end(),
+            [](const VoxelSum& a, const VoxelSum& b) { return a.key < b.key; });
+  return sums;
 }
 
 std::vector<VoxelSum> TileStack::take(maps::TileId id) {

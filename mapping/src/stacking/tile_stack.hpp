@@ -11,8 +11,10 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -49,8 +51,8 @@ class ScanVoxels {
 };
 
 /// Collects scans into tiles in bounded memory: tiles that were not met for longest go to a scratch
-/// file when there are too many voxels, and are put together again at the end. Which ones depends
-/// on the scans alone, so that the sums are the same bits on every machine.
+/// file when there are too many voxels, and come back when they are met again. So each sum is added
+/// up in the order of the scans, and its bits depend on no other tile.
 class TileStack {
  public:
   /// @param scratch_file  made when needed, removed at the end.
@@ -60,8 +62,9 @@ class TileStack {
   TileStack(const TileStack&) = delete;
   TileStack& operator=(const TileStack&) = delete;
 
-  /// @param scan  of a later ordinal than the one before. @throws maps::StorageError.
-  void add(const ScanVoxels& scan);
+  /// @param scan    of a later ordinal than the one before.
+  /// @param wanted  whether a tile is collected; empty: all are. @throws maps::StorageError.
+  void add(const ScanVoxels& scan, const std::function<bool(maps::TileId)>& wanted = {});
 
   [[nodiscard]] std::size_t voxels_in_memory() const { return voxels_; }
   /// All tiles that hold something, in order.
@@ -79,8 +82,8 @@ class TileStack {
   };
   struct Tile {
     VoxelSums voxels;
-    /// Written parts, oldest first.
-    std::vector<Part> parts;
+    /// Where they are while they are not in memory.
+    std::optional<Part> written;
     std::uint32_t last_scan = 0;
   };
   struct Close {
@@ -88,6 +91,8 @@ class TileStack {
   };
   void spill();
   void write(Tile& tile);
+  void bring_back(Tile& tile);
+  [[nodiscard]] std::vector<VoxelSum> read_back(Part part) const;
 
   std::filesystem::path scratch_file_;
   std::size_t most_voxels_;

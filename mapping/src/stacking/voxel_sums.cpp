@@ -1,8 +1,5 @@
 #include "stacking/voxel_sums.hpp"
 
-#include <algorithm>
-#include <utility>
-
 namespace stillmap::mapping {
 
 void VoxelSum::add(const VoxelSum& later, bool same_scan) {
@@ -23,14 +20,6 @@ void VoxelSums::add(const VoxelSum& sum, bool same_scan) {
   } else {
     sums_[number].add(sum, same_scan);
   }
-}
-
-std::vector<VoxelSum> VoxelSums::take_sorted() {
-  index_ = maps::CellIndex();
-  std::vector<VoxelSum> sums = std::exchange(sums_, {});
-  std::sort(sums.begin(), sums.end(),
-            [](const VoxelSum& a, const VoxelSum& b) { return a.key < b.key; });
-  return sums;
 }
 
 }  // namespace stillmap::mapping

@@ -36,8 +36,6 @@ class VoxelSums {
   void add(const VoxelSum& sum, bool same_scan);
 
   [[nodiscard]] const std::vector<VoxelSum>& sums() const { return sums_; }
-  /// By key, which is independent of the order in which they came. Ends the collection.
-  [[nodiscard]] std::vector<VoxelSum> take_sorted();
 
  private:
   std::vector<VoxelSum> sums_;

@@ -38,8 +38,13 @@ std::string shell_word(const std::string& word) {
 }
 
 std::string command_of(const CLI::App& command) {
-  std::string text = "stillmap evaluate " + command.get_name();
+  return "stillmap evaluate " + command.get_name() + words_of(command);
+}
+
+std::string words_of(const CLI::App& command, std::string_view except) {
+  std::string text;
   for (const CLI::Option* option : command.get_options()) {
+    if (option->get_name() == except) continue;
     for (const std::string& value : option->results()) {
       if (!option->get_positional()) text += " " + option->get_name();
       if (is_flag(*option) && value != "true") text += "=" + shell_word(value);

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <string>
+#include <string_view>
 
 namespace stillmap::command_line {
 
@@ -16,6 +17,10 @@ inline constexpr const char* kImportDescription =
 /// The call of a subcommand of `evaluate` that was given, quoted for a shell, options in the order
 /// of the help.
 [[nodiscard]] std::string command_of(const CLI::App& command);
+
+/// The words of a call behind the subcommand's name, as above, each with a space before it.
+/// @param except  name of an option that is left out.
+[[nodiscard]] std::string words_of(const CLI::App& command, std::string_view except = {});
 
 /// A word of a command as a shell reads it: in quotes where it needs them.
 [[nodiscard]] std::string shell_word(const std::string& word);

@@ -1,3 +1,4 @@
+#include <stillmap/mapping/build_estimate.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/mapping/odometry.hpp>
 #include <stillmap/mapping/reference.hpp>
@@ -7,6 +8,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
+#include <iterator>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -17,6 +21,7 @@
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
+#include <stillmap/maps/usable_memory.hpp>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -31,6 +36,7 @@
 #include "mapper/commands.hpp"
 #include "mapper/map_index.hpp"
 #include "mapper/progress_output.hpp"
+#include "mapper/units.hpp"
 
 namespace stillmap::mapper {
 namespace {
@@ -42,6 +48,8 @@ struct BuildCommand {
   std::filesystem::path map;
   command_line::JsonOutput json;
   ProgressArguments progress;
+  UnitArguments units;
+  bool estimate = false;
 };
 
 /// Notes and warnings about the drives before a build starts.
@@ -179,6 +187,27 @@ void print_what_was_made(const BuildCommand& asked) {
   table.print();
 }
 
+std::uint64_t free_bytes_beside(const std::filesystem::path& map) {
+  std::error_code error;
+  const auto space = std::filesystem::space(
+      std::filesystem::absolute(map).lexically_normal().parent_path(), error);
+  return error ? std::numeric_limits<std::uint64_t>::max() : space.available;
+}
+
+void print_estimate(const BuildArguments& arguments, const command_line::JsonOutput& json) {
+  const mapping::BuildEstimate estimate =
+      mapping::estimate_build(arguments.drives, arguments.options);
+  json.write(mapping::to_json(estimate));
+  if (json.replaces_text()) return;
+  command_line::Table table;
+  table.add("drives", grouped(estimate.drives));
+  table.add("scans", grouped(estimate.scans));
+  table.add("memory", grouped(estimate.memory_bytes) + " bytes at most");
+  table.add("map package", grouped(estimate.package_bytes) + " bytes at most");
+  table.add("beside it", grouped(estimate.work_bytes) + " bytes at most, while it is built");
+  table.print();
+}
+
 Remarks remarks_on(const BuildArguments& arguments, bool estimates_poses) {
   const mapping::MapBuildOptions& options = arguments.options;
   const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
@@ -217,26 +246,64 @@ command_line::WhenCancelled when_cancelled(const std::filesystem::path& map) {
   return words;
 }
 
+/// Does some units of a build. @return the build's result when the last one makes the map.
+std::optional<mapping::MapBuildResult> do_units(const BuildCommand& asked,
+                                                const std::vector<mapping::BuildUnit>& units,
+                                                const mapping::ProgressCallback& progress) {
+  std::optional<mapping::MapBuildResult> result;
+  for (const mapping::BuildUnit& unit : units) {
+    const std::string name = name_of(unit);
+    result = mapping::do_unit(
+        asked.arguments.drives, asked.map, asked.arguments.options, unit, asked.units.units,
+        [&](std::string_view stage, std::size_t done, std::size_t total) {
+          progress(fmt::format("{}: {}", name, stage), done, total);
+        },
+        command_line::cancel_flag());
+  }
+  return result;
+}
+
 void build(BuildCommand& asked, const CLI::App& command) {
   resolve_options(asked.arguments, command);
+  if (asked.estimate) return print_estimate(asked.arguments, asked.json);
+  require_unless_estimate(command, "--output");
+  const std::vector<mapping::BuildUnit> units = units_to_do(asked.units);
+  if (!asked.units.plan.empty()) return write_plan(asked.units, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildResult result;
   std::string index;
   // Asked once: a large bag takes a while to be opened.
   const bool estimates_poses = mapping::estimates_poses(drives, options);
-  const Remarks remarks = remarks_on(asked.arguments, estimates_poses);
+  Remarks remarks = remarks_on(asked.arguments, estimates_poses);
+  if (units.empty())
+    std::ranges::move(
+        mapping::shortages_of(mapping::estimate_build(drives, options), maps::usable_memory_bytes(),
+                              free_bytes_beside(asked.map)),
+        std::back_inserter(remarks.doubts));
   // Programs read what they are told on stderr, and the report.
   if (asked.progress.form == "bar") {
     for (const std::string& note : remarks.notes) fmt::print(stderr, "note: {}\n", note);
     for (const std::string& doubt : remarks.doubts) fmt::print(stderr, "warning: {}\n", doubt);
   }
-  std::vector<mapping::StageShare> plan = mapping::build_stages(options.register_to.has_value());
+  const bool registers = options.register_to.has_value();
+  std::vector<mapping::StageShare> plan =
+      units.empty() ? mapping::build_stages(registers) : stages_of(units, registers);
   plan.push_back({"index", 0.01});
-  command_line::say_when_cancelled(when_cancelled(asked.map));
+  command_line::say_when_cancelled(
+      units.empty() ? when_cancelled(asked.map)
+                    : command_line::goes_on_from(mapping::units_folder(asked.map)));
+  bool is_made = true;
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
-    result = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
-                                mapping::make_reference_cleaner);
+    if (units.empty()) {
+      result = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
+                                  mapping::make_reference_cleaner);
+    } else {
+      auto merged = do_units(asked, units, progress);
+      is_made = merged.has_value();
+      if (!is_made) return;
+      result = *std::move(merged);
+    }
     command_line::say_when_cancelled(
         {.kept = asked.map,
          .if_kept =
@@ -247,6 +314,10 @@ void build(BuildCommand& asked, const CLI::App& command) {
     index = write_index(asked.map);
     progress("index", 1, 1);
   });
+  if (!is_made) {
+    if (!asked.json.replaces_text()) fmt::print("done: {}\n", asked.units.list);
+    return;
+  }
   if (!asked.json.replaces_text()) print_for_people(result, asked.map, index);
   result.warnings.insert(result.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
   result.notes.insert(result.notes.begin(), remarks.notes.begin(), remarks.notes.end());
@@ -376,6 +447,12 @@ void read_pose_time_offset(const std::string& word, mapping::MapBuildOptions& op
 
 }  // namespace
 
+void require_unless_estimate(const CLI::App& command, const char* option) {
+  if (command.count(option) == 0)
+    throw std::invalid_argument(
+        fmt::format("{} is missing; give {} FOLDER, or --estimate", option, option));
+}
+
 void resolve_options(BuildArguments& arguments, const CLI::App& command) {
   mapping::MapBuildOptions& options = arguments.options;
   options.selection = maps::Selection::parse(arguments.select);
@@ -475,9 +552,13 @@ void add_build(CLI::App& app) {
   CLI::App* command = app.add_subcommand("build", "Build a map package from drives");
   add_build_options(*command, asked->arguments);
   command
-      ->add_option("-o,--output", asked->map, "Folder of the map package to write; must not exist")
-      ->type_name("FOLDER")
-      ->required();
+      ->add_option("-o,--output", asked->map,
+                   "Folder of the map package to write; must not exist (required without "
+                   "--estimate)")
+      ->type_name("FOLDER");
+  command->add_flag("--estimate", asked->estimate,
+                    "Only print how much memory and disk space the build may need");
+  add_unit_options(*command, asked->units);
   add_progress_options(*command, asked->progress);
   asked->json.add_to(*command);
   command->callback([asked, command] { build(*asked, *command); });

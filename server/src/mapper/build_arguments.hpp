@@ -37,4 +37,8 @@ void add_build_options(CLI::App& command, BuildArguments& arguments);
 /// given beside it wins. @throws std::invalid_argument naming the option.
 void resolve_options(BuildArguments& arguments, const CLI::App& command);
 
+/// @param option  that names a folder, needed unless `--estimate` is asked for.
+/// @throws std::invalid_argument when it is not given.
+void require_unless_estimate(const CLI::App& command, const char* option);
+
 }  // namespace stillmap::mapper

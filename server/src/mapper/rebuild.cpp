@@ -45,12 +45,6 @@ mapping::RebuildOptions read_options(RebuildCommand& asked, const CLI::App& comm
   return options;
 }
 
-void require(const CLI::App& command, const char* option) {
-  if (command.count(option) == 0)
-    throw std::invalid_argument(
-        fmt::format("{} is missing; give {} FOLDER, or --estimate", option, option));
-}
-
 std::string text_of(const mapping::HeldBackAnswers& answers) {
   return fmt::format("{} of {} found; {} ok, {} degraded, {} lost", answers.found, answers.queries,
                      answers.ok, answers.degraded, answers.lost);
@@ -96,7 +90,7 @@ void print_estimate(const mapping::RebuildEstimate& estimate,
 void rebuild(RebuildCommand& asked, const CLI::App& command) {
   const mapping::RebuildOptions options = read_options(asked, command);
   if (asked.estimate) return print_estimate(mapping::estimate_rebuild(options), asked.json);
-  for (const char* option : {"--output", "--work"}) require(command, option);
+  for (const char* option : {"--output", "--work"}) require_unless_estimate(command, option);
   command_line::say_when_cancelled(command_line::goes_on_from(options.work));
   mapping::RebuildResult result;
   run_with_progress(asked.progress, mapping::rebuild_stages(options),

@@ -97,9 +97,9 @@ TEST_F(PosedDrivesTest, ViewsOfTheScansKeepWhatIsDoubtedOfTheirPoses) {
   doubts.front().resize(drive_.size());
   doubts.front()[1].m = 0.25F;
   const DriveSet drives({drive_}, options_, doubts);
-  const RangeViewStore views(folder_.path());
+  const Survey survey(folder_.path());
   const Eigen::Vector3d origin(3.0, -2.0, 1.0);
-  const PosedViews posed = posed_views(drives, views, origin);
+  const PosedViews posed = posed_views(drives, survey, origin);
   ASSERT_EQ(posed.doubts.size(), drives.size());
   EXPECT_EQ(posed.doubts[1].m, 0.25F);
   ASSERT_EQ(posed.T_local_lidar.size(), drives.size());

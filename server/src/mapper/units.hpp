@@ -1,0 +1,35 @@
+#pragma once
+
+#include <stillmap/mapping/build_units.hpp>
+#include <stillmap/mapping/progress_lines.hpp>
+
+#include <CLI/CLI.hpp>
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace stillmap::mapper {
+
+/// Options of `build` that share one build between processes.
+struct UnitArguments {
+  std::size_t units = 0;
+  std::string list;
+  std::filesystem::path plan;
+};
+
+void add_unit_options(CLI::App& command, UnitArguments& arguments);
+
+/// Those to do; none: the whole build. @throws std::invalid_argument naming the option.
+[[nodiscard]] std::vector<mapping::BuildUnit> units_to_do(const UnitArguments& arguments);
+
+/// Writes the commands of all units to `arguments.plan`: a line each, an empty line between steps.
+/// @param command  `build` as it was called.
+void write_plan(const UnitArguments& arguments, const CLI::App& command);
+
+/// Of the progress of some units; stages are named `UNIT: STAGE`.
+[[nodiscard]] std::vector<mapping::StageShare> stages_of(
+    const std::vector<mapping::BuildUnit>& units, bool registers);
+
+}  // namespace stillmap::mapper
