@@ -10,7 +10,7 @@
 
 namespace stillmap::mapping {
 
-/// A number as it lies in memory: for records that the same machine reads again.
+/// A number as it lies in memory: for records that a machine alike reads again.
 template <typename Number>
   requires std::is_arithmetic_v<Number> || std::is_enum_v<Number>
 void put_number(std::string& bytes, Number value) {

@@ -1,10 +1,10 @@
 #pragma once
 
 #include "drives/drive_set.hpp"
+#include "pipeline/build_journal.hpp"
 #include "pipeline/fuse_stage.hpp"
 #include "pipeline/place_stage.hpp"
 #include "pipeline/poses_stage.hpp"
-#include "pipeline/survey_records.hpp"
 #include "pipeline/survey_stage.hpp"
 #include "registration/build_frame.hpp"
 #include "stacking/voxel_grid.hpp"
@@ -20,6 +20,7 @@
 #include <chrono>
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -60,8 +61,8 @@ struct BuildTask {
   maps::MapPackageWriter* writer;
   const ProgressCallback& progress;
   const CancelFlag& cancel;
-  /// Of a unit: poses are those that another unit found.
-  bool takes_poses = false;
+  /// How the journals of the poses are used: most units read what one of them found.
+  BuildJournal::Use poses_journal = BuildJournal::Use::kWrite;
 };
 
 /// A build on its way: each stage leaves its members for those after it.
@@ -128,11 +129,13 @@ void select_scans(Build& build);
 /// thrown away: another drive would be mixed in.
 void survey_scans(Build& build);
 
-/// Surveys the scans of a share, and writes them down. @param number  in [1, shares].
-void survey_share(Build& build, std::size_t number, std::size_t shares);
+/// Surveys a range of scans, and writes them down without keeping them.
+/// @param stage  name of the journal.
+void survey_range(Build& build, ScanRange range, const std::string& stage);
 
-/// Gathers what units surveyed.
-void gather_survey(Build& build, const SurveyRecords& records);
+/// Gathers what was surveyed elsewhere. @param read  gives a scan by ordinal; called from several
+/// threads at once.
+void gather_survey(Build& build, const std::function<SurveyedScan(std::size_t scan)>& read);
 
 /// Joins the boxes of all scans into objects (`options.fusion`), or makes an object of each; then a
 /// user's corrections. The ground below objects that stood still is closed.

@@ -52,9 +52,14 @@ BuildEstimate estimate_build(std::uint64_t scans, std::uint64_t points, double v
 
 BuildEstimate estimate_build(const std::vector<std::filesystem::path>& folders,
                              const MapBuildOptions& options) {
+  return estimate_build(open_drives(folders, options), options);
+}
+
+BuildEstimate estimate_build(const std::vector<maps::Drive>& drives,
+                             const MapBuildOptions& options) {
   std::uint64_t scans = 0;
   double points = 0.0;
-  for (const maps::Drive& drive : open_drives(folders, options)) {
+  for (const maps::Drive& drive : drives) {
     const std::vector<std::size_t> selected = options.selection.indices(drive.size());
     if (selected.empty()) continue;
     const std::size_t looked_at = std::min(kLookedAt, selected.size());
@@ -67,7 +72,7 @@ BuildEstimate estimate_build(const std::vector<std::filesystem::path>& folders,
   }
   BuildEstimate estimate =
       estimate_build(scans, static_cast<std::uint64_t>(std::llround(points)), options.voxel_size_m);
-  estimate.drives = folders.size();
+  estimate.drives = drives.size();
   return estimate;
 }
 
@@ -78,8 +83,8 @@ std::vector<std::string> shortages_of(const BuildEstimate& estimate, std::uint64
       fmt::format("a map of {} drives with {} scans", estimate.drives, estimate.scans);
   if (estimate.memory_bytes > memory_bytes)
     words.push_back(fmt::format(
-        "{} may need {} of memory, and there are {}; build it on a larger machine, in parts "
-        "(--select), or by several processes (--units)",
+        "{} may need {} of memory, and there are {}; build it on a larger machine, or in parts "
+        "(--select)",
         what, gigabytes(estimate.memory_bytes), gigabytes(memory_bytes)));
   const std::uint64_t disk = estimate.package_bytes + estimate.work_bytes;
   if (disk > disk_bytes)

@@ -56,16 +56,23 @@ BuildJournal::BuildJournal(const std::filesystem::path& folder, std::string stag
   if (descriptor_ < 0) return;
   try {
     open_found();
-    if (use_ == Use::kRead && !complete_ && discarded_.empty()) discard("it is not complete");
   } catch (...) {
     ::close(descriptor_);
     throw;
   }
+  if (use_ != Use::kRead) return;
+  if (!complete_ && discarded_.empty()) discard("it is not complete");
+  // A build may have more journals than a process may have open files.
+  ::close(std::exchange(descriptor_, -1));
+}
+
+int BuildJournal::open_to_read() const {
+  return ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
 }
 
 void BuildJournal::open_file(const std::filesystem::path& folder) {
   if (use_ == Use::kRead) {
-    descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    descriptor_ = open_to_read();
     if (descriptor_ < 0 && errno != ENOENT)
       throw maps::StorageError(file_.string(), std::strerror(errno));
     if (descriptor_ < 0) discarded_ = "it is not there";
@@ -87,7 +94,7 @@ void BuildJournal::open_found() {
   if (::fstat(descriptor_, &status) != 0)
     throw maps::StorageError(file_.string(), std::strerror(errno));
   const auto bytes = static_cast<std::uint64_t>(status.st_size);
-  if (bytes == 0 && use_ == Use::kWrite) return begin();
+  if (bytes == 0 && use_ != Use::kRead) return begin();
   Head head;
   std::string key;
   bool whole = bytes >= sizeof head && read_at(0, reinterpret_cast<char*>(&head), sizeof head) &&
@@ -98,6 +105,12 @@ void BuildJournal::open_found() {
         read_at(sizeof head, key.data(), key.size()) && maps::sha256_of(key) == text_of(head.sum);
   }
   if (!whole) return discard("its head is damaged");
+  if (key != key_ && use_ == Use::kContinue)
+    throw maps::InputError(file_.string(),
+                           "the work of another build: " + key_difference(key, key_),
+                           fmt::format("the same program, options, drives and a machine alike; to "
+                                       "begin anew, remove {}",
+                                       file_.parent_path().string()));
   if (key != key_) return discard(key_difference(key, key_));
   end_ = sizeof head + key.size();
   walk(bytes);
@@ -120,7 +133,7 @@ void BuildJournal::walk(std::uint64_t bytes) {
     }
   }
   next_ = found_.size();
-  if (end_ != bytes && use_ == Use::kWrite) truncate(end_);
+  if (end_ != bytes && use_ != Use::kRead) truncate(end_);
 }
 
 void BuildJournal::begin() {
@@ -139,14 +152,25 @@ void BuildJournal::discard(const std::string& why) {
   found_.clear();
   complete_ = false;
   next_ = 0;
-  if (use_ == Use::kWrite) begin();
+  if (use_ != Use::kRead) begin();
 }
 
 void BuildJournal::require_complete(std::string_view unit) const {
   if (complete_) return;
   throw maps::InputError(
       file_.string(), fmt::format("no finished work of this build ({})", discarded_),
-      fmt::format("what the unit '{0}' writes: do --unit {0} first, with the same options", unit));
+      fmt::format("what the unit '{0}' writes: do --unit {0} first, with the same program and "
+                  "options, on a machine alike",
+                  unit));
+}
+
+std::string BuildJournal::require(std::size_t record, std::string_view unit) const {
+  require_complete(unit);
+  auto bytes = record < size() ? read(record) : std::nullopt;
+  if (bytes) return *std::move(bytes);
+  throw maps::InputError(
+      file_.string(), fmt::format("broken bytes in record {}", record),
+      fmt::format("what the unit '{0}' wrote: remove the file and do --unit {0} again", unit));
 }
 
 std::string BuildJournal::sum_of(std::string_view kind, std::size_t place,
@@ -156,15 +180,21 @@ std::string BuildJournal::sum_of(std::string_view kind, std::size_t place,
 }
 
 bool BuildJournal::read_at(std::uint64_t offset, char* bytes, std::size_t size) const {
-  for (std::size_t done = 0; done < size;) {
+  const bool is_open = descriptor_ >= 0;
+  const int descriptor = is_open ? descriptor_ : open_to_read();
+  if (descriptor < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
+  std::size_t done = 0;
+  int failed = 0;
+  while (done < size && failed == 0) {
     const ssize_t got =
-        ::pread(descriptor_, bytes + done, size - done, static_cast<off_t>(offset + done));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) throw maps::StorageError(file_.string(), std::strerror(errno));
-    if (got == 0) return false;
-    done += static_cast<std::size_t>(got);
+        ::pread(descriptor, bytes + done, size - done, static_cast<off_t>(offset + done));
+    if (got == 0) break;
+    if (got > 0) done += static_cast<std::size_t>(got);
+    if (got < 0 && errno != EINTR) failed = errno;
   }
-  return true;
+  if (!is_open) ::close(descriptor);
+  if (failed != 0) throw maps::StorageError(file_.string(), std::strerror(failed));
+  return done == size;
 }
 
 std::optional<std::string> BuildJournal::read(std::size_t record) const {

@@ -18,20 +18,21 @@ namespace stillmap::mapping {
 /// A journal belongs to its key, the text of everything that decides the stage's result: one of
 /// another key is thrown away when it is opened, never read. Every record carries a checksum over
 /// its bytes, its place, the stage and the key; the first one that does not fit ends the journal.
-/// A kill loses no record, a power cut those of the last seconds. For the same program on the same
-/// machine; memory holds 8 bytes a record. Not a maps::SectionTable: that one is written at the
+/// A kill loses no record, a power cut those of the last seconds. For the same program on machines
+/// alike; memory holds 8 bytes a record. Not a maps::SectionTable: that one is written at the
 /// end.
 class BuildJournal {
  public:
   enum class Use : std::uint8_t {
-    kWrite,  ///< By one process at a time.
-    kRead,   ///< By any number, once it is complete. Its file stays as it is; nothing is appended.
+    kWrite,     ///< By one process at a time.
+    kContinue,  ///< The same, but one of another key is left as it is, which is an error.
+    kRead,      ///< By any number, once it is complete. Its file stays as it is.
   };
   /// Opens what a killed build left, or begins. A journal that is read is empty, and `discarded`
   /// says why, when it is not there, not complete, or of another key.
   /// @param folder  made if missing; the journal is the file `STAGE.journal` in it.
   /// @param key     lines "NAME: VALUE".
-  /// @throws maps::StorageError naming the file.
+  /// @throws maps::StorageError naming the file; maps::InputError as above.
   BuildJournal(const std::filesystem::path& folder, std::string stage, std::string key,
                Use use = Use::kWrite);
   ~BuildJournal();
@@ -48,7 +49,10 @@ class BuildJournal {
   /// For one that is read. @param unit  that writes it, for the message.
   /// @throws maps::InputError when it is not complete.
   void require_complete(std::string_view unit) const;
-  /// Of all records that were found: another one when any of them is another. SHA-256, hex.
+  /// A record of one that is read. @throws maps::InputError when it is not whole.
+  [[nodiscard]] std::string require(std::size_t record, std::string_view unit) const;
+  /// Of all records that were found when it was opened: another one when any of them is another.
+  /// SHA-256, hex.
   [[nodiscard]] const std::string& sum() const { return sum_; }
 
   /// @param record  in [0, size()).
@@ -80,6 +84,7 @@ class BuildJournal {
   void write_record(std::uint64_t size_field, const std::string& sum, std::string_view bytes);
   void truncate(std::uint64_t bytes);
   void sync();
+  [[nodiscard]] int open_to_read() const;
   [[nodiscard]] bool read_at(std::uint64_t offset, char* bytes, std::size_t size) const;
   /// @param place  ordinal of a record.
   [[nodiscard]] std::string sum_of(std::string_view kind, std::size_t place,

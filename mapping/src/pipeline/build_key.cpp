@@ -122,9 +122,16 @@ bool is_of_later_stages(const std::string& option) {
   return std::find(kLater.begin(), kLater.end(), option) != kLater.end();
 }
 
+std::string instruction_sets() {
+  std::string names;
+  for (std::int64_t left = hwy::SupportedTargets(); left != 0; left &= left - 1)
+    names += fmt::format("{}{}", names.empty() ? "" : " ", hwy::TargetName(left & -left));
+  return names;
+}
+
 std::string program() {
   return fmt::format("version: {}\ncode: {}\ninstruction sets: {}\n", STILLMAP_VERSION,
-                     running_code(), hwy::SupportedTargets());
+                     running_code(), instruction_sets());
 }
 
 }  // namespace
@@ -173,6 +180,18 @@ std::string trajectory_key(const std::vector<maps::Drive>& drives, const MapBuil
   for (std::size_t i = 0; i < drives.size(); ++i) {
     key += text_of(drives[i], i);
     key += fmt::format("files of drive {}: {}\n", i + 1, states_of(drives[i]));
+  }
+  return key;
+}
+
+std::string registered_key(const Build& build) {
+  const BuildTask& task = build.task;
+  std::string key = fmt::format("registered to: {}\nfollows it: {}\nheld back: {}\n",
+                                maps::MapPackage::open(*task.options.register_to)->digest(),
+                                task.options.follows_map, task.options.held_back_every);
+  key += trajectory_key(build.shifted, task.options, task.odometry);
+  for (const auto& [name, text] : texts_of(task.options)) {
+    if (!is_of_later_stages(name)) key += fmt::format("{}: {}\n", name, text);
   }
   return key;
 }

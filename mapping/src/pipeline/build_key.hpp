@@ -27,6 +27,11 @@ struct Build;
                                          const MapBuildOptions& options,
                                          const std::string& odometry);
 
+/// The key of the journal of registered poses: as `trajectory_key`, with the map and all options
+/// that the survey depends on.
+/// @throws as `trajectory_key`; maps::InputError for a map that cannot be opened.
+[[nodiscard]] std::string registered_key(const Build& build);
+
 /// The key of a whole rebuild: as `trajectory_key`, with every option of the map and the checksums
 /// of the files that options name.
 /// @throws maps::StorageError naming a file.

@@ -56,6 +56,7 @@ std::string to_json(const MapBuildResult& result) {
                       {"pose_faults", nlohmann::json::parse(to_json(result.pose_faults))},
                       {"digest", result.digest},
                       {"version", STILLMAP_VERSION}};
+  if (!result.merged_from.empty()) json["merged_from"] = result.merged_from;
   if (!result.found_pose_time_offsets_s.empty())
     json["found_pose_time_offsets_s"] = result.found_pose_time_offsets_s;
   if (result.given_poses) json["given_poses"] = to_json(*result.given_poses);

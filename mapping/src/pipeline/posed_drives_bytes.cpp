@@ -160,6 +160,8 @@ std::string to_bytes(const PosedDrives& posed) {
       }
     }
   }
+  put_number(bytes, posed.remarks.size());
+  for (const std::string& remark : posed.remarks) put_text(bytes, remark);
   put_number(bytes, posed.notes.size());
   for (const std::vector<ScanNote>& of_drive : posed.notes) {
     put_number(bytes, of_drive.size());
@@ -207,6 +209,8 @@ PosedDrives posed_drives_from(std::string_view bytes, const std::vector<maps::Dr
       }
     }
   }
+  for (auto left = reader.count(sizeof(std::size_t)); left > 0; --left)
+    posed.remarks.push_back(text_from(reader));
   for (auto left = reader.count(sizeof(std::size_t)); left > 0; --left) {
     std::vector<ScanNote>& of_drive = posed.notes.emplace_back();
     of_drive.resize(reader.count(sizeof(ScanNote)));

@@ -7,6 +7,7 @@
 #include "pipeline/build_warnings.hpp"
 #include "pipeline/opened_drives.hpp"
 #include "pipeline/posed_drives_bytes.hpp"
+#include "pipeline/registered_bytes.hpp"
 #include "registration/map_registration.hpp"
 #include "stacking/voxel_grid.hpp"
 #include "trajectory/drive_pose_faults.hpp"
@@ -216,8 +217,8 @@ PosedDrives with_estimated_poses(Build& build) {
   const BuildTask& task = build.task;
   const TrajectoryEstimate estimate = estimate_trajectories(
       drives, options_of(task.options, task.odometry), task.scratch, task.progress, task.cancel);
-  build.result.notes.insert(build.result.notes.end(), estimate.notes.begin(), estimate.notes.end());
   PosedDrives posed;
+  posed.remarks = estimate.notes;
   posed.drives = posed_by(estimate, drives);
   posed.counts = counts_of(estimate);
   posed.graph = drive_graph_of(estimate);
@@ -229,23 +230,46 @@ PosedDrives with_estimated_poses(Build& build) {
   return posed;
 }
 
-BuildJournal::Use use_of(const BuildTask& task) {
-  return task.takes_poses ? BuildJournal::Use::kRead : BuildJournal::Use::kWrite;
+/// What `read` makes of a journal's one record; nothing where it is still to be found. A unit that
+/// takes what another one found does not go on without.
+/// @param read  throws std::invalid_argument for other bytes.
+template <typename Read>
+auto journaled(BuildJournal& journal, const BuildTask& task, const Read& read)
+    -> std::optional<decltype(read(std::string()))> {
+  constexpr std::string_view kUnit = "poses";
+  const bool is_taken = task.poses_journal == BuildJournal::Use::kRead;
+  std::optional<std::string> bytes;
+  if (is_taken)
+    bytes = journal.require(0, kUnit);
+  else if (journal.is_complete())
+    bytes = journal.read(0);
+  try {
+    if (bytes) return read(*bytes);
+  } catch (const std::invalid_argument& error) {
+    if (is_taken)
+      throw maps::InputError(
+          journal.file().string(), error.what(),
+          fmt::format("what the unit '{0}' wrote: remove the file and do --unit {0} again", kUnit));
+    journal.discard(error.what());
+  }
+  journal.keep(0);
+  return std::nullopt;
 }
 
 /// What motion says of the clocks, or a killed build had found.
 std::vector<double> journaled_offsets_s(Build& build) {
   const BuildTask& task = build.task;
   BuildJournal journal(task.journal_folder, "pose_time_offset",
-                       trajectory_key(task.drives, task.options, "pose time offset"), use_of(task));
-  if (const auto known = journal.is_complete() ? journal.read(0) : std::nullopt) {
-    std::istringstream stream(*known);
+                       trajectory_key(task.drives, task.options, "pose time offset"),
+                       task.poses_journal);
+  const auto known = journaled(journal, task, [&](const std::string& bytes) {
+    std::istringstream stream(bytes);
     std::vector<double> offsets_s{std::istream_iterator<double>(stream), {}};
-    if (offsets_s.size() == task.drives.size()) return offsets_s;
-    journal.discard("not one offset a drive");
-  }
-  if (task.takes_poses) journal.require_complete("poses");
-  journal.keep(0);
+    if (offsets_s.size() != task.drives.size())
+      throw std::invalid_argument("not one offset a drive");
+    return offsets_s;
+  });
+  if (known) return *known;
   const StageTimer timer(build.result.stage_seconds, "pose time offset");
   std::vector<double> offsets_s = found_pose_time_offsets(task);
   journal.append(fmt::format("{}", fmt::join(offsets_s, " ")));
@@ -257,16 +281,12 @@ std::vector<double> journaled_offsets_s(Build& build) {
 PosedDrives journaled_poses(Build& build) {
   const BuildTask& task = build.task;
   BuildJournal journal(task.journal_folder, "trajectory",
-                       trajectory_key(build.shifted, task.options, task.odometry), use_of(task));
-  if (journal.is_complete()) {
-    try {
-      if (const auto bytes = journal.read(0)) return posed_drives_from(*bytes, build.shifted);
-    } catch (const std::invalid_argument& error) {
-      journal.discard(error.what());
-    }
-  }
-  if (task.takes_poses) journal.require_complete("poses");
-  journal.keep(0);
+                       trajectory_key(build.shifted, task.options, task.odometry),
+                       task.poses_journal);
+  auto known = journaled(journal, task, [&](const std::string& bytes) {
+    return posed_drives_from(bytes, build.shifted);
+  });
+  if (known) return *std::move(known);
   warn_of_discarded(journal, build.result);
   const StageTimer timer(build.result.stage_seconds, "trajectory");
   PosedDrives posed =
@@ -310,6 +330,7 @@ void shift_poses(Build& build) {
 
 void find_poses(Build& build) {
   build.posed = journaled_poses(build);
+  std::ranges::copy(build.posed.remarks, std::back_inserter(build.result.notes));
   build.result.trajectory = build.posed.counts;
   build.result.given_poses = build.posed.given;
   build.result.pose_faults = build.posed.faults;
@@ -333,19 +354,35 @@ void trust_what_the_map_knows(const std::vector<std::vector<bool>>& known, Posed
   }
 }
 
-}  // namespace
-
-void register_poses(Build& build) {
+/// Moves the poses, or takes what a killed build had found.
+BuildFrame journaled_registration(Build& build) {
   const BuildTask& task = build.task;
-  if (!task.options.register_to) return;
+  BuildJournal journal(task.journal_folder, "registered", registered_key(build),
+                       task.poses_journal);
+  auto known = journaled(journal, task, [&](const std::string& bytes) {
+    return registered_poses_from(bytes, build.shifted);
+  });
+  if (known) {
+    build.posed = std::move(known->posed);
+    return std::move(known->frame);
+  }
   const StageTimer timer(build.result.stage_seconds, "register");
   RegisteredDrives registered = registered_to(
       *task.options.register_to, {build.posed.drives, build.posed.notes, task.odometry},
       task.options, task.progress, task.cancel);
   build.posed.drives = std::move(registered.drives);
   trust_what_the_map_knows(registered.known_by_map, build.posed);
-  build.result.registration = registered.frame.registration;
-  build.frame = std::move(registered.frame);
+  journal.append(to_bytes(build.posed, registered.frame));
+  journal.complete();
+  return std::move(registered.frame);
+}
+
+}  // namespace
+
+void register_poses(Build& build) {
+  if (!build.task.options.register_to) return;
+  build.frame = journaled_registration(build);
+  build.result.registration = build.frame->registration;
 }
 
 void select_scans(Build& build) {

@@ -32,6 +32,8 @@ struct PosedDrives {
   std::vector<std::vector<maps::PoseDisagreement>> disagreements{};
   /// As many; none outside of the selection.
   std::vector<std::vector<ScanNote>> notes{};
+  /// What odometry says for people.
+  std::vector<std::string> remarks{};
 };
 
 }  // namespace stillmap::mapping

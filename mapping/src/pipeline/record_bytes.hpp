@@ -5,6 +5,7 @@
 #include <stillmap/maps/box.hpp>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <cstddef>
@@ -37,6 +38,10 @@ inline void put(std::string& bytes, const std::string& text) { put(bytes, std::s
 template <typename Scalar>
 void put(std::string& bytes, const Eigen::Matrix<Scalar, 3, 1>& v) {
   for (const Scalar value : v) put(bytes, value);
+}
+
+inline void put(std::string& bytes, const Eigen::Isometry3d& T) {
+  for (const double value : T.matrix().reshaped()) put(bytes, value);
 }
 
 inline void put(std::string& bytes, const std::vector<bool>& flags) {
@@ -94,6 +99,9 @@ inline void get(ByteReader& reader, maps::ObjectClass& value) {
 template <typename Scalar>
 void get(ByteReader& reader, Eigen::Matrix<Scalar, 3, 1>& v) {
   for (Scalar& value : v) get(reader, value);
+}
+inline void get(ByteReader& reader, Eigen::Isometry3d& T) {
+  for (double& value : T.matrix().reshaped()) get(reader, value);
 }
 inline void get(ByteReader& reader, std::string& text) { text = reader.take(reader.count(1)); }
 inline void get(ByteReader& reader, std::vector<bool>& flags) {

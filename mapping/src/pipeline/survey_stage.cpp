@@ -5,7 +5,6 @@
 #include "pipeline/build_journal.hpp"
 #include "pipeline/build_key.hpp"
 #include "pipeline/build_warnings.hpp"
-#include "pipeline/survey_records.hpp"
 #include "pipeline/surveyed_scan_bytes.hpp"
 
 #include <fmt/format.h>
@@ -16,6 +15,31 @@
 
 namespace stillmap::mapping {
 namespace {
+
+/// A record cannot be used; the survey begins again with those before it.
+struct UnusableRecord : std::runtime_error {
+  /// @param why  empty: broken bytes, as a power cut leaves them.
+  UnusableRecord(std::size_t keep_records, const std::string& why)
+      : std::runtime_error(why), keep(keep_records) {}
+  std::size_t keep;
+};
+
+/// @param journal  of the scans from `first` on.
+SurveyedScan from_journal(const BuildJournal& journal, std::size_t first, const DriveSet& drives,
+                          std::size_t scan) {
+  const std::size_t record = scan - first;
+  const std::optional<std::string> bytes = journal.read(record);
+  if (!bytes) throw UnusableRecord(record, {});
+  try {
+    SurveyedScan surveyed = surveyed_scan_from(*bytes);
+    if (surveyed.scan != scan) throw UnusableRecord(record, {});
+    const std::string sha256 = drives.sha256(scan);
+    if (surveyed.sha256 == sha256) return surveyed;
+  } catch (const std::invalid_argument&) {
+    throw UnusableRecord(record, {});
+  }
+  throw UnusableRecord(0, drives.name(scan) + " has changed");
+}
 
 struct Journaled {
   SurveyedScan scan;
@@ -83,7 +107,7 @@ std::unique_ptr<Survey> surveyed(const Build& build, ScanRange range, BuildJourn
           range.size(), build.task.options.threads,
           [&](std::size_t i) -> Journaled {
             const std::size_t scan = range.begin + i;
-            if (i < found) return {surveyed_before(journal, range.begin, drives, scan), {}};
+            if (i < found) return {from_journal(journal, range.begin, drives, scan), {}};
             return journaled(build.scan_work->survey(scan));
           },
           [&](Journaled next) {
@@ -152,26 +176,25 @@ PosedViews posed_views(const DriveSet& drives, const Survey& survey,
 void survey_scans(Build& build) {
   build.scan_work.emplace(*build.drives, build.task.options, *build.grid);
   build.scan_work->learn({0, build.drives->size()}, build.task.cancel);
-  BuildJournal journal(build.task.journal_folder, kWholeSurvey, survey_key(build));
+  BuildJournal journal(build.task.journal_folder, "survey", survey_key(build));
   set_survey(build, surveyed(build, {0, build.drives->size()}, journal, true));
   warn_of_discarded(journal, build.result);
 }
 
-void survey_share(Build& build, std::size_t number, std::size_t shares) {
-  const ScanRange range = share_of_scans(build.drives->size(), number, shares);
+void survey_range(Build& build, ScanRange range, const std::string& stage) {
   build.scan_work.emplace(*build.drives, build.task.options, *build.grid);
   build.scan_work->learn(range, build.task.cancel);
-  BuildJournal journal(build.task.journal_folder, survey_stage_name(number, shares),
-                       survey_key(build));
+  BuildJournal journal(build.task.journal_folder, stage, survey_key(build));
   (void)surveyed(build, range, journal, false);
+  warn_of_discarded(journal, build.result);
 }
 
-void gather_survey(Build& build, const SurveyRecords& records) {
+void gather_survey(Build& build, const std::function<SurveyedScan(std::size_t scan)>& read) {
   Gathering gathering(build);
   const std::size_t scans = build.drives->size();
   std::size_t taken = 0;
   process_in_order(
-      scans, build.task.options.threads, [&](std::size_t scan) { return records.read(scan); },
+      scans, build.task.options.threads, read,
       [&](SurveyedScan scan) {
         gathering.take(std::move(scan));
         build.tell("resume", ++taken, scans);

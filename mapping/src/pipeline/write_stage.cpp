@@ -8,6 +8,8 @@
 #include <stillmap/maps/map_object.hpp>
 #include <stillmap/maps/peak_memory.hpp>
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -65,6 +67,8 @@ void write_package(Build& build) {
   // They hold files of the scratch folder open.
   build.placed.reset();
   build.survey.reset();
+  // The library keeps what was freed, and packs are read now.
+  ::malloc_trim(0);
   std::filesystem::remove_all(build.task.scratch);
   build.stop_if_cancelled();
   build.tell("publish", 0, 1);

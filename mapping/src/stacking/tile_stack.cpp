@@ -2,6 +2,7 @@
 
 #include <stillmap/maps/error.hpp>
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +13,12 @@
 #include <utility>
 
 namespace stillmap::mapping {
+namespace {
+
+/// A tile that so many scans have not met is one that the vehicle has left.
+constexpr std::uint32_t kRecentScans = 32;
+
+}  // namespace
 
 bool ScanVoxels::add(const StackedPoint& point) {
   const auto place = grid_->find(point.p_map);
@@ -54,13 +61,14 @@ void TileStack::add(const ScanVoxels& scan, const std::function<bool(maps::TileI
     tile.last_scan = scan.scan();
     voxels_ += tile.voxels.sums().size() - before;
   }
-  if (voxels_ > most_voxels_) spill();
+  if (voxels_ > most_voxels_) spill(scan.scan());
 }
 
-void TileStack::spill() {
+void TileStack::spill(std::uint32_t scan) {
   std::vector<std::pair<std::uint32_t, maps::TileId>> oldest;
   for (const auto& [id, tile] : tiles_) {
-    if (!tile.voxels.sums().empty()) oldest.emplace_back(tile.last_scan, id);
+    if (!tile.voxels.sums().empty() && tile.last_scan + kRecentScans <= scan)
+      oldest.emplace_back(tile.last_scan, id);
   }
   std::sort(oldest.begin(), oldest.end());
   for (const auto& [last_scan, id] : oldest) {
@@ -91,7 +99,15 @@ std::vector<maps::TileId> TileStack::tiles() const {
 void TileStack::bring_back(Tile& tile) {
   for (const VoxelSum& sum : read_back(*tile.written)) tile.voxels.add(sum, false);
   voxels_ += tile.voxels.sums().size();
+  give_back(*tile.written);
   tile.written.reset();
+}
+
+void TileStack::give_back(Part part) const {
+  // Where the file system cannot, the file is as long as all that was ever written.
+  (void)::fallocate(::fileno(scratch_.get()), FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE,
+                    static_cast<off_t>(part.offset),
+                    static_cast<off_t>(part.voxels * sizeof(VoxelSum)));
 }
 
 std::vector<VoxelSum> TileStack::read_back(Part part) const {

@@ -50,13 +50,14 @@ class ScanVoxels {
   maps::TileId last_tile_;
 };
 
-/// Collects scans into tiles in bounded memory: tiles that were not met for longest go to a scratch
-/// file when there are too many voxels, and come back when they are met again. So each sum is added
-/// up in the order of the scans, and its bits depend on no other tile.
+/// Collects scans into tiles. When there are too many voxels, tiles that no scan met lately go to a
+/// scratch file, and come back when they are met again. So each sum is added up in the order of the
+/// scans, and its bits depend on no other tile. Tiles that recent scans met stay in memory, however
+/// many voxels they have: else each scan would write and read all of them.
 class TileStack {
  public:
   /// @param scratch_file  made when needed, removed at the end.
-  /// @param most_voxels   in memory, > 0.
+  /// @param most_voxels   in memory, > 0, besides the tiles of recent scans.
   TileStack(std::filesystem::path scratch_file, std::size_t most_voxels);
   ~TileStack();
   TileStack(const TileStack&) = delete;
@@ -89,8 +90,9 @@ class TileStack {
   struct Close {
     void operator()(std::FILE* stream) const { std::fclose(stream); }
   };
-  void spill();
+  void spill(std::uint32_t scan);
   void write(Tile& tile);
+  void give_back(Part part) const;
   void bring_back(Tile& tile);
   [[nodiscard]] std::vector<VoxelSum> read_back(Part part) const;
 

@@ -13,6 +13,7 @@
 #include <stillmap/mapping/build_units.hpp>
 #include <stillmap/maps/edits.hpp>
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/hidden_beside.hpp>
 #include <stillmap/maps/map_package.hpp>
 
 #include <fmt/format.h>
@@ -21,6 +22,7 @@
 #include <charconv>
 #include <fstream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <utility>
 
@@ -69,19 +71,6 @@ BuildUnit unit_from(std::string_view text, std::size_t units) {
                   text, units));
 }
 
-void require_usable(const MapBuildOptions& options, std::size_t units) {
-  if (units < 1 || units > kMostUnits)
-    throw std::invalid_argument(
-        fmt::format("units (--units): found {}, expected 1 to {}", units, kMostUnits));
-  if (options.journal_folder)
-    throw std::invalid_argument("units: found a journal folder, expected none");
-  if (options.clean != "free-space" && options.clean != "none")
-    throw std::invalid_argument(
-        fmt::format("clean (--clean): found '{}', which needs the whole map at once, expected "
-                    "free-space or none; or build without --unit",
-                    options.clean));
-}
-
 /// Poses and scans as the unit `poses` left them.
 void take_scans(Build& build) {
   shift_poses(build);
@@ -115,7 +104,7 @@ void fuse(Build& build, std::size_t units) {
   BuildJournal journal(build.task.journal_folder, "fuse", fused_key(build, records, units));
   if (journal.is_complete()) return;
   journal.keep(0);
-  gather_survey(build, records);
+  gather_survey(build, [&](std::size_t scan) { return records.read_checked(scan); });
   fuse_objects(build);
   write_fused(build, journal);
 }
@@ -126,9 +115,12 @@ void require_within_reach(const Build& build, const PlacedScan& scan) {
   const Eigen::Vector2f p = (build.drives->T_map_scan(number).translation() - build.grid->origin())
                                 .head<2>()
                                 .cast<float>();
+  const double reach = reach_m(build, number);
   for (const auto& [tile, voxels] : scan.voxels.tiles()) {
-    if (static_cast<double>(area_of(tile).exteriorDistance(p)) > reach_m(build.task.options))
-      throw std::logic_error(fmt::format("scan {}: a point beyond its reach", number));
+    if (static_cast<double>(area_of(tile).exteriorDistance(p)) > reach)
+      throw maps::InputError(
+          build.drives->name(number), fmt::format("points more than {:.0f} m from its pose", reach),
+          "nearer ones, as poses without jumps give: repair the poses, or build without --unit");
   }
 }
 
@@ -215,6 +207,12 @@ class FinishedShares {
     throw std::logic_error(fmt::format("merge: no unit answers for scan {}", scan));
   }
   [[nodiscard]] const std::vector<FinishedReader>& readers() const { return readers_; }
+  /// Of all that the map is made from.
+  [[nodiscard]] std::string sum() const {
+    std::string sums;
+    for (const auto& journal : journals_) sums += journal->sum();
+    return maps::sha256_of(sums);
+  }
 
  private:
   std::vector<UnitRegions> shares_;
@@ -252,12 +250,29 @@ void merge_tiles(Build& build, const FinishedShares& shares) {
   map.finish();
 }
 
-void merge(Build& build, std::size_t units) {
+/// What the map at a place was merged from; empty for one that was made otherwise.
+std::string merged_from(const fs::path& map) {
+  std::ifstream stream(map / "build.json");
+  const auto json = nlohmann::json::parse(stream, nullptr, false);
+  return json.is_object() ? json.value("merged_from", std::string()) : std::string();
+}
+
+[[noreturn]] void refuse_existing(const fs::path& target) {
+  throw maps::InputError(target.string(), "an existing path", "a new one: give another name");
+}
+
+/// @return false when the map is there already.
+bool merge(Build& build, const fs::path& target, std::size_t units) {
   take_scans(build);
   {
     const SurveyRecords records(build, units);
     const FusedJournal fused(build, records, units);
     FinishedShares shares(build, fused, units);
+    build.result.merged_from = shares.sum();
+    // Killed before the folder of the units was removed.
+    if (build.task.writer == nullptr && merged_from(target) == build.result.merged_from)
+      return false;
+    if (build.task.writer == nullptr) refuse_existing(target);
     read_fused(build, fused.journal, std::nullopt);
     add_to(build.result.stage_seconds, build.survey->stage_seconds);
     add_to(build.result.points, build.survey->counts);
@@ -267,28 +282,21 @@ void merge(Build& build, std::size_t units) {
     merge_tiles(build, shares);
   }
   write_package(build);
+  return true;
 }
 
-void do_in(Build& build, const BuildUnit& unit, std::size_t units) {
-  switch (unit.kind) {
-    case Kind::kPoses:
-      shift_poses(build);
-      find_poses(build);
-      return;
-    case Kind::kSurvey:
-      take_scans(build);
-      return survey_share(build, unit.number, units);
-    case Kind::kFuse:
-      return fuse(build, units);
-    case Kind::kFinish:
-      return finish_share(build, unit.number, units);
-    case Kind::kMerge:
-      return merge(build, units);
-  }
+void survey_share(Build& build, std::size_t number, std::size_t units) {
+  take_scans(build);
+  survey_range(build, share_of_scans(build.drives->size(), number, units),
+               survey_stage_name(number, units));
 }
 
-/// In the folder of the units from when a map is about to be put at its place.
-constexpr const char* kMergedFile = "merged";
+/// Removes the folder in a way that nobody takes the rest of it for work that is not done.
+void remove_units(const fs::path& folder, const fs::path& done) {
+  fs::remove_all(done);
+  fs::rename(folder, done);
+  fs::remove_all(done);
+}
 
 }  // namespace
 
@@ -317,52 +325,82 @@ std::vector<std::vector<BuildUnit>> unit_steps(std::size_t units) {
   return steps;
 }
 
-fs::path units_folder(const fs::path& target) {
-  const fs::path whole = fs::absolute(target).lexically_normal();
-  const fs::path map = whole.has_filename() ? whole : whole.parent_path();
-  return map.parent_path() / ("." + map.filename().string() + ".units");
+fs::path units_folder(const fs::path& target) { return maps::hidden_beside(target, ".units"); }
+
+void require_usable_by_units(const MapBuildOptions& options, std::size_t units) {
+  if (units < 1 || units > kMostUnits)
+    throw std::invalid_argument(
+        fmt::format("units (--units): found {}, expected 1 to {}", units, kMostUnits));
+  if (options.journal_folder)
+    throw std::invalid_argument("units: found a journal folder, expected none");
+  if (options.clean != "free-space" && options.clean != "none")
+    throw std::invalid_argument(
+        fmt::format("clean (--clean): found '{}', which needs the whole map at once, expected "
+                    "free-space or none; or build without --unit",
+                    options.clean));
 }
 
-std::optional<MapBuildResult> do_unit(const std::vector<fs::path>& folders, const fs::path& target,
-                                      const MapBuildOptions& given, const BuildUnit& unit,
-                                      std::size_t units, const ProgressCallback& progress,
-                                      const CancelFlag& cancel) {
+MapBuildResult do_unit(const std::vector<fs::path>& folders, const fs::path& target,
+                       const MapBuildOptions& given, const BuildUnit& unit, std::size_t units,
+                       const ProgressCallback& progress, const CancelFlag& cancel) {
   const MapBuildOptions options = usable(given);
-  require_usable(options, units);
+  require_usable_by_units(options, units);
   const fs::path folder = units_folder(target);
+  const fs::path done = maps::hidden_beside(target, ".units-done");
   const bool merges = unit.kind == Kind::kMerge;
-  if (!merges && fs::exists(fs::symlink_status(target)))
-    throw maps::InputError(target.string(), "an existing path",
-                           "a new one: give another name, or remove it");
-  const UnitLock lock(folder, mapping::name_of(unit));
-  if (merges && fs::exists(folder / kMergedFile) && fs::exists(target)) {
-    // It was killed while it cleaned up.
-    fs::remove_all(folder);
-    return std::nullopt;
+  const bool is_there = fs::exists(fs::symlink_status(target));
+  if (is_there && !merges) refuse_existing(target);
+  if (is_there && !fs::exists(folder)) {
+    if (merged_from(target).empty()) refuse_existing(target);
+    fs::remove_all(done);
+    return {};
   }
-  std::optional<maps::MapPackageWriter> writer;
-  if (merges) writer.emplace(target);
-  DrivesOfBuild opened = open_for_build(folders, options, progress, cancel);
-  const BuildTask task{
-      .options = options,
-      .odometry = odometry_of(opened.drives, options),
-      .folders = folders,
-      .drives = opened.drives,
-      .journal_folder = folder,
-      .scratch = lock.scratch(),
-      .edits = options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{},
-      .cleaner = nullptr,
-      .writer = writer ? &*writer : nullptr,
-      .progress = progress,
-      .cancel = cancel,
-      .takes_poses = unit.kind != Kind::kPoses};
-  Build build(task);
-  build.result.notes = std::move(opened.notes);
-  if (merges) std::ofstream(folder / kMergedFile) << target.string() << '\n';
-  do_in(build, unit, units);
-  if (!merges) return std::nullopt;
-  fs::remove_all(folder);
-  return std::move(build.result);
+  MapBuildResult result;
+  {
+    // Held until the folder is gone.
+    const UnitLock lock(folder, mapping::name_of(unit));
+    std::optional<maps::MapPackageWriter> writer;
+    if (merges && !is_there) writer.emplace(target);
+    DrivesOfBuild opened = open_for_build(folders, options, progress, cancel);
+    const BuildTask task{
+        .options = options,
+        .odometry = odometry_of(opened.drives, options),
+        .folders = folders,
+        .drives = opened.drives,
+        .journal_folder = folder,
+        .scratch = lock.scratch(),
+        .edits = options.edits_file ? maps::read_edits(*options.edits_file) : maps::Edits{},
+        .cleaner = nullptr,
+        .writer = writer ? &*writer : nullptr,
+        .progress = progress,
+        .cancel = cancel,
+        .poses_journal =
+            unit.kind == Kind::kPoses ? BuildJournal::Use::kContinue : BuildJournal::Use::kRead};
+    Build build(task);
+    build.result.notes = std::move(opened.notes);
+    switch (unit.kind) {
+      case Kind::kPoses:
+        shift_poses(build);
+        find_poses(build);
+        register_poses(build);
+        break;
+      case Kind::kSurvey:
+        survey_share(build, unit.number, units);
+        break;
+      case Kind::kFuse:
+        fuse(build, units);
+        break;
+      case Kind::kFinish:
+        finish_share(build, unit.number, units);
+        break;
+      case Kind::kMerge:
+        if (merge(build, target, units)) result = std::move(build.result);
+        break;
+    }
+    if (!merges) result.warnings = std::move(build.result.warnings);
+    if (merges) remove_units(folder, done);
+  }
+  return result;
 }
 
 }  // namespace stillmap::mapping

@@ -96,9 +96,8 @@ void FinishedWriter::finish() {
 template <typename Read>
 auto FinishedReader::read(std::size_t record, const Read& read) const {
   try {
-    const auto bytes = record < journal_.size() ? journal_.read(record) : std::nullopt;
-    if (!bytes) throw std::invalid_argument(fmt::format("record {}: broken bytes", record));
-    ByteReader reader(*bytes, fmt::format("record {}", record));
+    const std::string bytes = journal_.require(record, unit_);
+    ByteReader reader(bytes, fmt::format("record {}", record));
     auto value = read(reader);
     reader.end();
     return value;

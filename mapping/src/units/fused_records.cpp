@@ -133,12 +133,6 @@ void write_ground(const GroundSheets& sheets, BuildJournal& journal) {
   }
 }
 
-std::string record_of(const BuildJournal& journal, std::size_t record) {
-  auto bytes = journal.read(record);
-  if (!bytes) throw std::invalid_argument(fmt::format("record {}: broken bytes", record));
-  return *std::move(bytes);
-}
-
 }  // namespace
 
 std::string fused_key(const Build& build, const SurveyRecords& records, std::size_t units) {
@@ -156,14 +150,14 @@ void write_fused(const Build& build, BuildJournal& journal) {
 
 void read_fused(Build& build, const BuildJournal& journal,
                 const std::optional<Eigen::AlignedBox2d>& ground) {
-  journal.require_complete("fuse");
+  constexpr std::string_view kUnit = "fuse";
   build.survey = std::make_unique<Survey>(build.task.scratch);
   try {
-    take_objects(build, record_of(journal, 0));
+    take_objects(build, journal.require(0, kUnit));
     if (!ground) return;
     SomeSheets sheets(*ground, build.task.scratch);
     for (std::size_t record = 1; record < journal.size(); ++record)
-      sheets.take(record_of(journal, record));
+      sheets.take(journal.require(record, kUnit));
     build.survey->ground.take(std::move(sheets).finish());
   } catch (const std::invalid_argument& error) {
     throw maps::InputError(journal.file().string(), error.what(),

@@ -2,6 +2,7 @@
 
 #include "pipeline/build.hpp"
 #include "pipeline/build_journal.hpp"
+#include "units/survey_records.hpp"
 
 #include <Eigen/Geometry>
 

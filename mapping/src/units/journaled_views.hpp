@@ -1,6 +1,6 @@
 #pragma once
 
-#include "pipeline/survey_records.hpp"
+#include "units/survey_records.hpp"
 #include "views/range_view_store.hpp"
 
 #include <cstddef>
@@ -19,10 +19,14 @@ class JournaledViews {
   JournaledViews(const SurveyRecords& records, RangeViewStore& store)
       : records_(records), store_(store) {}
 
+  /// Of a scan that is placed next: its file must be the one that was surveyed.
   [[nodiscard]] FoundInScan found(std::size_t scan) const;
   [[nodiscard]] std::shared_ptr<const RangeView> view(std::size_t scan) const;
 
  private:
+  [[nodiscard]] std::shared_ptr<const RangeView> known(std::size_t scan) const;
+  void keep(const SurveyedScan& surveyed) const;
+
   const SurveyRecords& records_;
   RangeViewStore& store_;
   /// Appending to the store excludes reading.

@@ -27,8 +27,9 @@ struct UnitRegions {
   [[nodiscard]] bool needs(maps::TileId tile) const;
 };
 
-/// Farthest that a point of a scan may lie from its pose, seen from above [m].
-[[nodiscard]] double reach_m(const MapBuildOptions& options);
+/// Farthest that a point of a scan may lie from its pose, seen from above [m]. Points are measured
+/// from where the sensor is in its sweep, which is between the poses around.
+[[nodiscard]] double reach_m(const Build& build, std::size_t scan);
 
 /// The regions that scans may have points in, by x, then y, in shares of about as many scans.
 /// @param build  with its scans selected. @return one a unit, some perhaps empty.

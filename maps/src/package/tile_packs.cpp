@@ -191,6 +191,9 @@ Pack PackWriter::finished(Region& region) const {
   Sha256 hash;
   std::uint64_t offset = 0;
   for (RegionTile& row : region.tiles) {
+    // Pages that were read stay otherwise, and a region's tiles may be hundreds of megabytes.
+    constexpr std::uint64_t kPagesHeld = std::uint64_t{1} << 24U;
+    if (offset / kPagesHeld != (offset + row.bytes) / kPagesHeld) came.release_pages();
     const auto bytes = came.bytes().subspan(row.offset, row.bytes);
     out.write(reinterpret_cast<const char*>(bytes.data()),
               static_cast<std::streamsize>(bytes.size()));

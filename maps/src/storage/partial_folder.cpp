@@ -1,4 +1,5 @@
 #include <stillmap/maps/error.hpp>
+#include <stillmap/maps/hidden_beside.hpp>
 #include <stillmap/maps/partial_folder.hpp>
 
 #include <fcntl.h>
@@ -79,7 +80,7 @@ void refuse_existing(const fs::path& target) {
 PartialFolder::PartialFolder(const fs::path& target, std::string survivor)
     : target_(without_trailing_slash(target)), survivor_(std::move(survivor)) {
   refuse_existing(target_);
-  path_ = target_.parent_path() / ("." + target_.filename().string() + ".partial");
+  path_ = hidden_beside(target_, ".partial");
   lock_ = open_locked(path_);
   try {
     // The one who held the lock before us may have published in between.

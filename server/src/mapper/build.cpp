@@ -19,6 +19,7 @@
 #include <stillmap/maps/drive_check.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
+#include <stillmap/maps/hidden_beside.hpp>
 #include <stillmap/maps/map_package.hpp>
 #include <stillmap/maps/sensor_preset.hpp>
 #include <stillmap/maps/usable_memory.hpp>
@@ -54,6 +55,7 @@ struct BuildCommand {
 
 /// Notes and warnings about the drives before a build starts.
 struct Remarks {
+  std::vector<maps::Drive> drives;
   /// What their readers assumed or left out.
   std::vector<std::string> notes;
   /// What looks wrong with them, as the build will use them.
@@ -213,10 +215,9 @@ Remarks remarks_on(const BuildArguments& arguments, bool estimates_poses) {
   const bool believes = options.trajectory.prior || options.trajectory.gnss_sigma_m;
   Remarks remarks;
   for (const std::filesystem::path& folder : arguments.drives) {
-    maps::Drive::Contents contents =
-        maps::Drive::open(folder, options.poses_file,
-                          std::llround(1e9 * options.pose_time_offset_s))
-            .contents();
+    remarks.drives.push_back(maps::Drive::open(folder, options.poses_file,
+                                               std::llround(1e9 * options.pose_time_offset_s)));
+    maps::Drive::Contents contents = remarks.drives.back().contents();
     for (const std::string& note : contents.notes)
       remarks.notes.push_back(fmt::format("{}: {}", folder.string(), note));
     // Who asks for odometry knows that there are no poses, or wants none.
@@ -230,27 +231,27 @@ Remarks remarks_on(const BuildArguments& arguments, bool estimates_poses) {
   return remarks;
 }
 
-/// Where a build that is cancelled or killed keeps what it has done.
-std::filesystem::path journal_of(const std::filesystem::path& map) {
-  const std::filesystem::path target = std::filesystem::absolute(map).lexically_normal();
-  const std::filesystem::path folder = target.has_filename() ? target : target.parent_path();
-  return folder.parent_path() / ("." + folder.filename().string() + ".partial") / "journal";
-}
-
 /// The file exists once the poses are kept; before that, nothing that takes long is.
 command_line::WhenCancelled when_cancelled(const std::filesystem::path& map) {
-  const std::filesystem::path journal = journal_of(map);
+  const std::filesystem::path journal = maps::hidden_beside(map, ".partial") / "journal";
   command_line::WhenCancelled words = command_line::goes_on_from(journal);
   words.kept = journal / "survey.journal";
   words.if_not = "no stage is finished yet; the same command starts anew";
   return words;
 }
 
-/// Does some units of a build. @return the build's result when the last one makes the map.
-std::optional<mapping::MapBuildResult> do_units(const BuildCommand& asked,
-                                                const std::vector<mapping::BuildUnit>& units,
-                                                const mapping::ProgressCallback& progress) {
-  std::optional<mapping::MapBuildResult> result;
+void print_units_done(const BuildCommand& asked, const mapping::MapBuildResult& result) {
+  if (asked.json.replaces_text()) return;
+  for (const std::string& warning : result.warnings) fmt::print("warning: {}\n", warning);
+  fmt::print("done: {}\n", asked.units.list);
+}
+
+/// Does some units of a build. @return what the last one did; with a digest when it made the map.
+mapping::MapBuildResult do_units(const BuildCommand& asked,
+                                 const std::vector<mapping::BuildUnit>& units,
+                                 const mapping::ProgressCallback& progress) {
+  mapping::MapBuildResult result;
+  std::vector<std::string> warnings;
   for (const mapping::BuildUnit& unit : units) {
     const std::string name = name_of(unit);
     result = mapping::do_unit(
@@ -259,7 +260,11 @@ std::optional<mapping::MapBuildResult> do_units(const BuildCommand& asked,
           progress(fmt::format("{}: {}", name, stage), done, total);
         },
         command_line::cancel_flag());
+    if (result.digest.empty())
+      for (const std::string& warning : result.warnings)
+        warnings.push_back(fmt::format("{}: {}", name, warning));
   }
+  result.warnings.insert(result.warnings.begin(), warnings.begin(), warnings.end());
   return result;
 }
 
@@ -268,7 +273,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
   if (asked.estimate) return print_estimate(asked.arguments, asked.json);
   require_unless_estimate(command, "--output");
   const std::vector<mapping::BuildUnit> units = units_to_do(asked.units);
-  if (!asked.units.plan.empty()) return write_plan(asked.units, command);
+  if (!asked.units.plan.empty()) return write_plan(asked.units, asked.arguments.options, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildResult result;
@@ -278,8 +283,8 @@ void build(BuildCommand& asked, const CLI::App& command) {
   Remarks remarks = remarks_on(asked.arguments, estimates_poses);
   if (units.empty())
     std::ranges::move(
-        mapping::shortages_of(mapping::estimate_build(drives, options), maps::usable_memory_bytes(),
-                              free_bytes_beside(asked.map)),
+        mapping::shortages_of(mapping::estimate_build(remarks.drives, options),
+                              maps::usable_memory_bytes(), free_bytes_beside(asked.map)),
         std::back_inserter(remarks.doubts));
   // Programs read what they are told on stderr, and the report.
   if (asked.progress.form == "bar") {
@@ -289,20 +294,18 @@ void build(BuildCommand& asked, const CLI::App& command) {
   const bool registers = options.register_to.has_value();
   std::vector<mapping::StageShare> plan =
       units.empty() ? mapping::build_stages(registers) : stages_of(units, registers);
-  plan.push_back({"index", 0.01});
+  const bool merges = !units.empty() && units.back().kind == mapping::BuildUnit::Kind::kMerge;
+  if (units.empty() || merges) plan.push_back({"index", 0.01});
   command_line::say_when_cancelled(
       units.empty() ? when_cancelled(asked.map)
                     : command_line::goes_on_from(mapping::units_folder(asked.map)));
-  bool is_made = true;
   run_with_progress(asked.progress, plan, [&](const mapping::ProgressCallback& progress) {
     if (units.empty()) {
       result = mapping::build_map(drives, asked.map, options, progress, command_line::cancel_flag(),
                                   mapping::make_reference_cleaner);
     } else {
-      auto merged = do_units(asked, units, progress);
-      is_made = merged.has_value();
-      if (!is_made) return;
-      result = *std::move(merged);
+      result = do_units(asked, units, progress);
+      if (result.digest.empty()) return;
     }
     command_line::say_when_cancelled(
         {.kept = asked.map,
@@ -314,10 +317,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
     index = write_index(asked.map);
     progress("index", 1, 1);
   });
-  if (!is_made) {
-    if (!asked.json.replaces_text()) fmt::print("done: {}\n", asked.units.list);
-    return;
-  }
+  if (result.digest.empty()) return print_units_done(asked, result);
   if (!asked.json.replaces_text()) print_for_people(result, asked.map, index);
   result.warnings.insert(result.warnings.end(), remarks.doubts.begin(), remarks.doubts.end());
   result.notes.insert(result.notes.begin(), remarks.notes.begin(), remarks.notes.end());

@@ -65,7 +65,9 @@ std::vector<mapping::BuildUnit> units_to_do(const UnitArguments& arguments) {
   return {};
 }
 
-void write_plan(const UnitArguments& arguments, const CLI::App& command) {
+void write_plan(const UnitArguments& arguments, const mapping::MapBuildOptions& options,
+                const CLI::App& command) {
+  mapping::require_usable_by_units(options, arguments.units);
   const std::string build = fmt::format(
       "cd {} && {} build{}", command_line::shell_word(std::filesystem::current_path().string()),
       command_line::shell_word(command_line::program_name()),

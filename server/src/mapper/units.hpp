@@ -26,7 +26,9 @@ void add_unit_options(CLI::App& command, UnitArguments& arguments);
 
 /// Writes the commands of all units to `arguments.plan`: a line each, an empty line between steps.
 /// @param command  `build` as it was called.
-void write_plan(const UnitArguments& arguments, const CLI::App& command);
+/// @throws std::invalid_argument for options that units cannot build with.
+void write_plan(const UnitArguments& arguments, const mapping::MapBuildOptions& options,
+                const CLI::App& command);
 
 /// Of the progress of some units; stages are named `UNIT: STAGE`.
 [[nodiscard]] std::vector<mapping::StageShare> stages_of(

@@ -17,7 +17,7 @@ TEST(BuildEstimate, CountsScansAndPointsOfAllDrives) {
   const test::TemporaryFolder folder;
   const test::SmallDrive small;
   const std::filesystem::path drive = small.write(folder);
-  const BuildEstimate estimate = estimate_build({drive, drive}, {});
+  const BuildEstimate estimate = estimate_build(std::vector{drive, drive}, {});
   EXPECT_EQ(estimate.drives, 2U);
   EXPECT_EQ(estimate.scans, 2 * test::SmallDrive::kScans);
   const std::uint64_t points = small.scan(0).size();
@@ -26,7 +26,7 @@ TEST(BuildEstimate, CountsScansAndPointsOfAllDrives) {
               0.2 * static_cast<double>(8 * points));
   MapBuildOptions half;
   half.selection = maps::Selection::parse("::2");
-  EXPECT_EQ(estimate_build({drive}, half).scans, test::SmallDrive::kScans / 2);
+  EXPECT_EQ(estimate_build(std::vector{drive}, half).scans, test::SmallDrive::kScans / 2);
 }
 
 TEST(BuildEstimate, GrowsWithTheScansAndFallsWithTheVoxel) {
@@ -49,7 +49,7 @@ TEST(BuildEstimate, SaysWhatTheMachineLacks) {
   EXPECT_THAT(shortages_of(estimate, 8'000'000'000, 3'000'000'000), IsEmpty());
   EXPECT_THAT(shortages_of(estimate, 7'900'000'000, 3'000'000'000),
               ElementsAre(AllOf(HasSubstr("3 drives with 40 scans"), HasSubstr("8.0 GB of memory"),
-                                HasSubstr("7.9 GB"), HasSubstr("--units"))));
+                                HasSubstr("7.9 GB"), HasSubstr("--select"))));
   EXPECT_THAT(shortages_of(estimate, 9'000'000'000, 2'900'000'000),
               ElementsAre(AllOf(HasSubstr("3.0 GB of the disk"), HasSubstr("2.9 GB are free"))));
 }

@@ -102,6 +102,44 @@ TEST_F(Journal, TellsKeysApartOfWhichOneBeginsTheOther) {
   EXPECT_THAT(open(kKey + "more: 1\n").discarded(), HasSubstr("more: 1"));
 }
 
+TEST_F(Journal, ThatIsReadStaysAsItIs) {
+  const auto read = [&](const std::string& key) {
+    return std::make_unique<BuildJournal>(folder_.path() / "journal", "survey", key,
+                                          BuildJournal::Use::kRead);
+  };
+  EXPECT_EQ(read(kKey)->discarded(), "it is not there");
+  EXPECT_FALSE(std::filesystem::exists(file()));
+  (void)three_records();
+  EXPECT_EQ(read(kKey)->discarded(), "it is not complete");
+  EXPECT_THAT([&] { read(kKey)->require_complete("survey:1"); },
+              test::ThrowsSaying<maps::InputError>({file().string(), "--unit survey:1"}));
+  open().complete();
+  const std::string whole = bytes();
+  const auto journal = read(kKey);
+  EXPECT_TRUE(journal->is_complete());
+  EXPECT_EQ(journal->require(1, "survey:1"), "second");
+  EXPECT_THAT([&] { (void)journal->require(3, "survey:1"); },
+              test::ThrowsSaying<maps::InputError>({"record 3", "--unit survey:1 again"}));
+  EXPECT_EQ(read(kKey)->sum(), journal->sum());
+  EXPECT_THAT(read("version: 2\n")->discarded(), HasSubstr("version: 2"));
+  EXPECT_EQ(bytes(), whole);
+}
+
+TEST_F(Journal, ThatIsContinuedIsNeverReplacedByAnotherKey) {
+  (void)three_records();
+  const std::string before = bytes();
+  EXPECT_THAT(
+      [&] {
+        BuildJournal(folder_.path() / "journal", "survey", "version: 2\n",
+                     BuildJournal::Use::kContinue);
+      },
+      test::ThrowsSaying<maps::InputError>({"another build", "version: 2", "remove"}));
+  EXPECT_EQ(bytes(), before);
+  EXPECT_EQ(
+      BuildJournal(folder_.path() / "journal", "survey", kKey, BuildJournal::Use::kContinue).size(),
+      3U);
+}
+
 TEST_F(Journal, KeepsStagesApart) {
   (void)three_records();
   EXPECT_EQ(open(kKey, "trajectory").size(), 0U);

@@ -5,8 +5,10 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/tile_steps.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <functional>
 #include <limits>
 #include <map>
@@ -223,10 +225,12 @@ Sums sums_of(std::size_t most_voxels, const std::function<bool(maps::TileId)>& w
   const auto way = scans;
   scans.insert(scans.end(), way.rbegin(), way.rend());
   for (std::uint32_t i = 0; i < scans.size(); ++i) {
-    ScanVoxels voxels(grid, i);
+    // As if most scans between saw nothing: what was left behind is soon not recent.
+    ScanVoxels voxels(grid, 20 * i);
     for (const StackedPoint& point : scans[i]) EXPECT_TRUE(voxels.add(point));
     stack.add(voxels, wanted);
   }
+  EXPECT_EQ(std::filesystem::exists(folder.path() / "tiles"), most_voxels < 1'000'000);
   Sums sums;
   for (const maps::TileId id : stack.tiles()) sums[id] = stack.take(id);
   return sums;
@@ -256,18 +260,45 @@ TEST(TileStack, HasTheSameBitsWhenItHoldsSomeOfTheTiles) {
   }
 }
 
-TEST(TileStack, HoldsNoMoreVoxelsThanAllowedAndRemovesItsFile) {
+/// Of `long_drive`, driven back and forth so that tiles are left and met again.
+constexpr int kWays = 8;
+
+TEST(TileStack, PutsAwayWhatTheVehicleHasLeftAndRemovesItsFile) {
   const test::TemporaryFolder folder;
   const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.5);
+  const auto drive = long_drive();
   {
     TileStack stack(folder.path() / "tiles", 500);
-    for (std::uint32_t i = 0; const auto& points : long_drive()) {
-      ScanVoxels voxels(grid, i++);
-      for (const StackedPoint& point : points) (void)voxels.add(point);
-      stack.add(voxels);
-      EXPECT_LE(stack.voxels_in_memory(), 500U);
+    std::uint32_t number = 0;
+    std::size_t most = 0;
+    for (int way = 0; way < kWays; ++way) {
+      for (std::size_t i = 0; i < drive.size(); ++i) {
+        // Long stops, so that what is far is not recent.
+        for (int stop = 0; stop < 4; ++stop) {
+          ScanVoxels voxels(grid, number++);
+          for (const StackedPoint& point : drive[way % 2 == 0 ? i : drive.size() - 1 - i])
+            (void)voxels.add(point);
+          stack.add(voxels);
+          most = std::max(most, stack.voxels_in_memory());
+        }
+      }
     }
+    EXPECT_LT(most, 8000U);
     EXPECT_TRUE(std::filesystem::exists(folder.path() / "tiles"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "tiles"));
+}
+
+TEST(TileStack, DoesNotWriteAgainAndAgainWhatAPlaceIsFullOf) {
+  const test::TemporaryFolder folder;
+  const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.1);
+  TileStack stack(folder.path() / "tiles", 1000);
+  test::Random random(3);
+  for (std::uint32_t i = 0; i < 300; ++i) {
+    ScanVoxels voxels(grid, i);
+    for (int k = 0; k < 200; ++k)
+      (void)voxels.add(at(random.uniform(-30, 30), random.uniform(-30, 30), 0.0));
+    stack.add(voxels);
   }
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "tiles"));
 }
@@ -275,10 +306,12 @@ TEST(TileStack, HoldsNoMoreVoxelsThanAllowedAndRemovesItsFile) {
 TEST(TileStack, SaysWhichFileCannotBeWritten) {
   TileStack stack("/proc/no/such/folder", 1);
   const VoxelGrid grid(Eigen::Vector3d::Zero(), 0.5);
-  ScanVoxels voxels(grid, 0);
-  (void)voxels.add(at(0, 0, 0));
-  (void)voxels.add(at(3, 0, 0));
-  EXPECT_THROW(stack.add(voxels), maps::StorageError);
+  ScanVoxels here(grid, 0), later(grid, 1000);
+  (void)here.add(at(0, 0, 0));
+  (void)later.add(at(50, 0, 0));
+  (void)later.add(at(53, 0, 0));
+  stack.add(here);
+  EXPECT_THROW(stack.add(later), maps::StorageError);
 }
 
 TEST(TilePoints, LookAlongTheNormalToWhereTheyWereSeenFrom) {

@@ -9,7 +9,8 @@
 
 namespace stillmap::mapping {
 
-/// What a build needs at most, roughly. Measured on drives of a car (mapping/measured.md).
+/// What a build in one process needs at most, roughly. Measured on drives of a car
+/// (mapping/measured.md).
 struct BuildEstimate {
   std::uint64_t drives = 0;
   std::uint64_t scans = 0;
@@ -25,6 +26,9 @@ struct BuildEstimate {
 
 /// Reads a few scans. @throws as `build_map`.
 [[nodiscard]] BuildEstimate estimate_build(const std::vector<std::filesystem::path>& drives,
+                                           const MapBuildOptions& options);
+/// The same of drives that are open. @param drives  as `options` open them.
+[[nodiscard]] BuildEstimate estimate_build(const std::vector<maps::Drive>& drives,
                                            const MapBuildOptions& options);
 /// The same from numbers. @throws std::invalid_argument for a voxel that is not > 0 m.
 [[nodiscard]] BuildEstimate estimate_build(std::uint64_t scans, std::uint64_t points,

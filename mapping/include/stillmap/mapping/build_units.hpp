@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -46,20 +45,23 @@ inline constexpr std::size_t kMostUnits = 1000;
 /// Where the units of a build write down what they have done, beside the map; `merge` removes it.
 [[nodiscard]] std::filesystem::path units_folder(const std::filesystem::path& target);
 
+/// @throws std::invalid_argument for options or a number of shares that units cannot build with.
+void require_usable_by_units(const MapBuildOptions& options, std::size_t units);
+
 /// Does one unit of the build that `build_map` does in one process: the map has the same bytes,
-/// whatever the number of units, and whoever was killed on the way. A unit that is done already
-/// ends at once. One that was killed is given again: poses and survey go on where they were, the
-/// others begin anew.
+/// whatever the number of units, and whoever was killed on the way. A unit that is done already is
+/// not done again. One that was killed is given again: a survey goes on where it was, the others
+/// begin anew.
 /// @param options  the same for all units, but for `threads`; without `journal_folder`, with a
 ///                 cleaning method of ours.
 /// @param units    the same for all.
-/// @return what the build did, of `merge`; nothing of the other units.
+/// @return of `merge` what the build did; of the other units, and of `merge` where the map is there
+///         already, a result without a digest, with warnings.
 /// @throws as `build_map`; maps::InputError where a unit before this one is not done, or was done
 ///         for other scans, options, or by another program.
-std::optional<MapBuildResult> do_unit(const std::vector<std::filesystem::path>& drives,
-                                      const std::filesystem::path& target,
-                                      const MapBuildOptions& options, const BuildUnit& unit,
-                                      std::size_t units, const ProgressCallback& progress,
-                                      const CancelFlag& cancel);
+MapBuildResult do_unit(const std::vector<std::filesystem::path>& drives,
+                       const std::filesystem::path& target, const MapBuildOptions& options,
+                       const BuildUnit& unit, std::size_t units, const ProgressCallback& progress,
+                       const CancelFlag& cancel);
 
 }  // namespace stillmap::mapping

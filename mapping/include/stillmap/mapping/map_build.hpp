@@ -158,6 +158,8 @@ struct MapBuildResult {
   std::vector<std::string> notes;
   /// With `register_to`.
   std::optional<maps::Registration> registration;
+  /// Of a build by units (`build_units.hpp`): sum of the journals that the map was made from.
+  std::string merged_from;
   std::string digest;
 };
 

@@ -1,4 +1,4 @@
-#include "pipeline/survey_records.hpp"
+#include "units/survey_records.hpp"
 
 #include "pipeline/build.hpp"
 #include "pipeline/build_key.hpp"
@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <optional>
+#include <stdexcept>
 
 namespace stillmap::mapping {
 
@@ -20,23 +20,7 @@ ScanRange share_of_scans(std::size_t scans, std::size_t number, std::size_t shar
 }
 
 std::string survey_stage_name(std::size_t number, std::size_t shares) {
-  return fmt::format("{}_{}_of_{}", kWholeSurvey, number, shares);
-}
-
-SurveyedScan surveyed_before(const BuildJournal& journal, std::size_t first, const DriveSet& drives,
-                             std::size_t scan) {
-  const std::size_t record = scan - first;
-  const std::optional<std::string> bytes = journal.read(record);
-  if (!bytes) throw UnusableRecord(record, {});
-  try {
-    SurveyedScan surveyed = surveyed_scan_from(*bytes);
-    if (surveyed.scan != scan) throw UnusableRecord(record, {});
-    const std::string sha256 = drives.sha256(scan);
-    if (surveyed.sha256 == sha256) return surveyed;
-  } catch (const std::invalid_argument&) {
-    throw UnusableRecord(record, {});
-  }
-  throw UnusableRecord(0, drives.name(scan) + " has changed");
+  return fmt::format("survey_{}_of_{}", number, shares);
 }
 
 SurveyRecords::SurveyRecords(const Build& build, std::size_t shares) : drives_(*build.drives) {
@@ -50,19 +34,35 @@ SurveyRecords::SurveyRecords(const Build& build, std::size_t shares) : drives_(*
   }
 }
 
-SurveyedScan SurveyRecords::read(std::size_t scan) const {
+std::size_t SurveyRecords::share_of(std::size_t scan) const {
   const auto range = std::find_if(ranges_.begin(), ranges_.end(),
                                   [scan](const ScanRange& each) { return scan < each.end; });
-  const auto share = static_cast<std::size_t>(range - ranges_.begin());
+  return static_cast<std::size_t>(range - ranges_.begin());
+}
+
+SurveyedScan SurveyRecords::read(std::size_t scan) const {
+  const std::size_t share = share_of(scan);
+  const BuildJournal& journal = *journals_.at(share);
+  const std::string unit = name_of(BuildUnit{BuildUnit::Kind::kSurvey, share + 1});
+  const std::string bytes = journal.require(scan - ranges_[share].begin, unit);
   try {
-    return surveyed_before(*journals_.at(share), range->begin, drives_, scan);
-  } catch (const UnusableRecord& unusable) {
-    const std::string why = unusable.what();
+    SurveyedScan surveyed = surveyed_scan_from(bytes);
+    if (surveyed.scan == scan) return surveyed;
+    throw std::invalid_argument(fmt::format("scan {} in place of {}", surveyed.scan, scan));
+  } catch (const std::invalid_argument& error) {
     throw maps::InputError(
-        drives_.name(scan), why.empty() ? "a broken record of its survey" : why,
-        fmt::format("the scan that was surveyed: do --unit {} and all units after it again",
-                    name_of(BuildUnit{BuildUnit::Kind::kSurvey, share + 1})));
+        journal.file().string(), error.what(),
+        fmt::format("what the unit '{0}' wrote: remove the file and do --unit {0} again", unit));
   }
+}
+
+SurveyedScan SurveyRecords::read_checked(std::size_t scan) const {
+  SurveyedScan surveyed = read(scan);
+  if (surveyed.sha256 == drives_.sha256(scan)) return surveyed;
+  throw maps::InputError(
+      drives_.name(scan), "other bytes than were surveyed",
+      fmt::format("a scan that does not change: do --unit {} and all units after it again",
+                  name_of(BuildUnit{BuildUnit::Kind::kSurvey, share_of(scan) + 1})));
 }
 
 std::string SurveyRecords::sum() const {
