@@ -15,6 +15,7 @@
 
 #include <stillmap/mapping/odometry.hpp>
 #include <stillmap/mapping/trajectory.hpp>
+#include <stillmap/maps/error.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

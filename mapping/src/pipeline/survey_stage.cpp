@@ -90,46 +90,51 @@ class Gathering {
   std::unique_ptr<Survey> survey_;
 };
 
+/// Surveys a range of scans once, from what the journal has. @return null when nothing is kept.
+/// @throws UnusableRecord.
+std::unique_ptr<Survey> surveyed_from(const Build& build, ScanRange range, BuildJournal& journal,
+                                      bool gathers) {
+  const std::size_t found = journal.size();
+  std::optional<Gathering> gathering;
+  if (gathers) gathering.emplace(build);
+  std::size_t taken = 0;
+  process_in_order(
+      range.size(), build.task.options.threads,
+      [&](std::size_t i) -> Journaled {
+        const std::size_t scan = range.begin + i;
+        if (i < found) return {from_journal(journal, range.begin, *build.drives, scan), {}};
+        return journaled(build.scan_work->survey(scan));
+      },
+      [&](Journaled next) {
+        // Taking over is a stage of its own: it is far faster, and would spoil the estimate of the
+        // time that is left.
+        const bool resumed = ++taken <= found;
+        if (!resumed) {
+          const StageTimer timer(next.scan.stage_seconds, "journal");
+          journal.append(next.record);
+        }
+        if (gathering) gathering->take(std::move(next.scan));
+        if (resumed)
+          build.tell("resume", taken, found);
+        else
+          build.tell("survey", taken - found, range.size() - found);
+      },
+      build.task.cancel);
+  journal.complete();
+  if (!gathering) return nullptr;
+  std::unique_ptr<Survey> survey = gathering->finish();
+  survey->resumed = found;
+  return survey;
+}
+
 /// Surveys a range of scans, or takes what the journal has of it, and writes down what it has not.
 /// @param gathers  whether what was found is kept.
-/// @return null when not.
 std::unique_ptr<Survey> surveyed(const Build& build, ScanRange range, BuildJournal& journal,
                                  bool gathers) {
-  const DriveSet& drives = *build.drives;
+  journal.keep(range.size());
   while (true) {
     try {
-      journal.keep(range.size());
-      const std::size_t found = journal.size();
-      std::optional<Gathering> gathering;
-      if (gathers) gathering.emplace(build);
-      std::size_t taken = 0;
-      process_in_order(
-          range.size(), build.task.options.threads,
-          [&](std::size_t i) -> Journaled {
-            const std::size_t scan = range.begin + i;
-            if (i < found) return {from_journal(journal, range.begin, drives, scan), {}};
-            return journaled(build.scan_work->survey(scan));
-          },
-          [&](Journaled next) {
-            // Taking over is a stage of its own: it is far faster, and would spoil the estimate of
-            // the time that is left.
-            const bool resumed = ++taken <= found;
-            if (!resumed) {
-              const StageTimer timer(next.scan.stage_seconds, "journal");
-              journal.append(next.record);
-            }
-            if (gathering) gathering->take(std::move(next.scan));
-            if (resumed)
-              build.tell("resume", taken, found);
-            else
-              build.tell("survey", taken - found, range.size() - found);
-          },
-          build.task.cancel);
-      journal.complete();
-      if (!gathering) return nullptr;
-      std::unique_ptr<Survey> survey = gathering->finish();
-      survey->resumed = found;
-      return survey;
+      return surveyed_from(build, range, journal, gathers);
     } catch (const UnusableRecord& unusable) {
       const std::string why = unusable.what();
       if (why.empty())

@@ -261,8 +261,8 @@ std::string merged_from(const fs::path& map) {
   throw maps::InputError(target.string(), "an existing path", "a new one: give another name");
 }
 
-/// @return false when the map is there already.
-bool merge(Build& build, const fs::path& target, std::size_t units) {
+/// Makes the map, unless it is there already.
+void merge(Build& build, const fs::path& target, std::size_t units) {
   take_scans(build);
   {
     const SurveyRecords records(build, units);
@@ -270,8 +270,7 @@ bool merge(Build& build, const fs::path& target, std::size_t units) {
     FinishedShares shares(build, fused, units);
     build.result.merged_from = shares.sum();
     // Killed before the folder of the units was removed.
-    if (build.task.writer == nullptr && merged_from(target) == build.result.merged_from)
-      return false;
+    if (build.task.writer == nullptr && merged_from(target) == build.result.merged_from) return;
     if (build.task.writer == nullptr) refuse_existing(target);
     read_fused(build, fused.journal, std::nullopt);
     add_to(build.result.stage_seconds, build.survey->stage_seconds);
@@ -282,13 +281,29 @@ bool merge(Build& build, const fs::path& target, std::size_t units) {
     merge_tiles(build, shares);
   }
   write_package(build);
-  return true;
 }
 
 void survey_share(Build& build, std::size_t number, std::size_t units) {
   take_scans(build);
   survey_range(build, share_of_scans(build.drives->size(), number, units),
                survey_stage_name(number, units));
+}
+
+void do_in(Build& build, const BuildUnit& unit, const fs::path& target, std::size_t units) {
+  switch (unit.kind) {
+    case Kind::kPoses:
+      shift_poses(build);
+      find_poses(build);
+      return register_poses(build);
+    case Kind::kSurvey:
+      return survey_share(build, unit.number, units);
+    case Kind::kFuse:
+      return fuse(build, units);
+    case Kind::kFinish:
+      return finish_share(build, unit.number, units);
+    case Kind::kMerge:
+      return merge(build, target, units);
+  }
 }
 
 /// Removes the folder in a way that nobody takes the rest of it for work that is not done.
@@ -378,26 +393,11 @@ MapBuildResult do_unit(const std::vector<fs::path>& folders, const fs::path& tar
             unit.kind == Kind::kPoses ? BuildJournal::Use::kContinue : BuildJournal::Use::kRead};
     Build build(task);
     build.result.notes = std::move(opened.notes);
-    switch (unit.kind) {
-      case Kind::kPoses:
-        shift_poses(build);
-        find_poses(build);
-        register_poses(build);
-        break;
-      case Kind::kSurvey:
-        survey_share(build, unit.number, units);
-        break;
-      case Kind::kFuse:
-        fuse(build, units);
-        break;
-      case Kind::kFinish:
-        finish_share(build, unit.number, units);
-        break;
-      case Kind::kMerge:
-        if (merge(build, target, units)) result = std::move(build.result);
-        break;
-    }
-    if (!merges) result.warnings = std::move(build.result.warnings);
+    do_in(build, unit, target, units);
+    if (!build.result.digest.empty())
+      result = std::move(build.result);
+    else
+      result.warnings = std::move(build.result.warnings);
     if (merges) remove_units(folder, done);
   }
   return result;

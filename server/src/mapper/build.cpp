@@ -268,6 +268,25 @@ mapping::MapBuildResult do_units(const BuildCommand& asked,
   return result;
 }
 
+/// Looks at the drives, and tells people what there is to say.
+/// @param is_whole  whether one process builds the map.
+Remarks remarks_before(const BuildCommand& asked, bool is_whole) {
+  const mapping::MapBuildOptions& options = asked.arguments.options;
+  Remarks remarks =
+      remarks_on(asked.arguments, mapping::estimates_poses(asked.arguments.drives, options));
+  if (is_whole)
+    std::ranges::move(
+        mapping::shortages_of(mapping::estimate_build(remarks.drives, options),
+                              maps::usable_memory_bytes(), free_bytes_beside(asked.map)),
+        std::back_inserter(remarks.doubts));
+  // Programs read what they are told on stderr, and the report.
+  if (asked.progress.form == "bar") {
+    for (const std::string& note : remarks.notes) fmt::print(stderr, "note: {}\n", note);
+    for (const std::string& doubt : remarks.doubts) fmt::print(stderr, "warning: {}\n", doubt);
+  }
+  return remarks;
+}
+
 void build(BuildCommand& asked, const CLI::App& command) {
   resolve_options(asked.arguments, command);
   if (asked.estimate) return print_estimate(asked.arguments, asked.json);
@@ -278,19 +297,7 @@ void build(BuildCommand& asked, const CLI::App& command) {
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildResult result;
   std::string index;
-  // Asked once: a large bag takes a while to be opened.
-  const bool estimates_poses = mapping::estimates_poses(drives, options);
-  Remarks remarks = remarks_on(asked.arguments, estimates_poses);
-  if (units.empty())
-    std::ranges::move(
-        mapping::shortages_of(mapping::estimate_build(remarks.drives, options),
-                              maps::usable_memory_bytes(), free_bytes_beside(asked.map)),
-        std::back_inserter(remarks.doubts));
-  // Programs read what they are told on stderr, and the report.
-  if (asked.progress.form == "bar") {
-    for (const std::string& note : remarks.notes) fmt::print(stderr, "note: {}\n", note);
-    for (const std::string& doubt : remarks.doubts) fmt::print(stderr, "warning: {}\n", doubt);
-  }
+  const Remarks remarks = remarks_before(asked, units.empty());
   const bool registers = options.register_to.has_value();
   std::vector<mapping::StageShare> plan =
       units.empty() ? mapping::build_stages(registers) : stages_of(units, registers);
