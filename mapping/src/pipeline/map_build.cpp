@@ -123,7 +123,7 @@ bool estimates_poses(const std::vector<std::filesystem::path>& drives,
 }
 
 MapBuildOptions usable(const MapBuildOptions& given) {
-  const MapBuildOptions options = completed(given);
+  MapBuildOptions options = completed(given);
   if (const auto broken = options.violations(); !broken.empty())
     throw std::invalid_argument("build options: " + broken.front());
   return options;
