@@ -4,7 +4,8 @@ commands again, and looks whether the map has the digest that one process gives 
 
 usage: unit_kills.py --program STILLMAP --drive DRIVE --runs N [--units 1,2,3,7] [--kills 4] [--first 1] [-- OPTION...]
 
-A run decides by its number how many shares there are and about when processes die. OPTION goes to `stillmap build`.
+A run decides by its number how many shares there are and about when processes die. Its first process always dies. OPTION
+goes to `stillmap build`.
 """
 
 import argparse
@@ -20,6 +21,8 @@ import tempfile
 import time
 
 WORKERS = 3
+# No build is done so soon.
+FIRST_LIFE_S = 0.1
 
 
 class Killer:
@@ -28,8 +31,12 @@ class Killer:
     def __init__(self, chance, kills, longest_s):
         self.chance, self.left, self.longest_s = chance, kills, longest_s
         self.killed = 0
+        self.is_first = True
 
     def life_s(self):
+        if self.is_first and self.left > 0:
+            self.is_first = False
+            return FIRST_LIFE_S
         if self.left > 0 and self.chance.random() < 0.5:
             return self.chance.uniform(0.0, self.longest_s)
         return None
@@ -78,6 +85,7 @@ def one_run(arguments, number, folder, expected, longest_s):
     killer = Killer(chance, arguments.kills, longest_s)
     for step in steps_of(plan):
         killer.run(step)
+    assert killer.killed > 0 or arguments.kills == 0, f"run {number}: no process was killed"
     found = digest(target)
     left = sorted(each.name for each in folder.iterdir() if each.name not in ("map", "plan.txt", "whole"))
     assert found == expected, f"run {number}, {units} units: digest {found}, expected {expected}"

@@ -57,7 +57,7 @@ class ScanVoxels {
 class TileStack {
  public:
   /// @param scratch_file  made when needed, removed at the end.
-  /// @param most_voxels   in memory, > 0, besides the tiles of recent scans.
+  /// @param most_voxels   in memory, > 0; more only where the tiles of recent scans have more.
   TileStack(std::filesystem::path scratch_file, std::size_t most_voxels);
   ~TileStack();
   TileStack(const TileStack&) = delete;
