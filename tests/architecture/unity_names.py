@@ -36,11 +36,11 @@ def functions(source):
 
 def main():
     wrong = 0
-    for unit in sorted(c["file"] for c in json.loads(pathlib.Path(sys.argv[1]).read_text()) if "/Unity/" in c["file"]):
+    for unit in sorted(c["file"] for c in json.loads(pathlib.Path(sys.argv[1]).read_text()) if "_unity/" in c["file"]):
         files = collections.defaultdict(set)
         for source in re.findall(r'#include "(.*)"', pathlib.Path(unit).read_text()):
-            for function in functions(source):
-                files[function].add(source)
+            for function in functions(pathlib.Path(unit).parent / source):
+                files[function].add(pathlib.Path(source).name)
         for (name, _), sources in sorted(files.items()):
             if len(sources) > 1:
                 wrong += 1
