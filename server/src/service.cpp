@@ -12,6 +12,7 @@
 
 #include <stillmap/maps/error.hpp>
 #include "store/disk_full.hpp"
+#include "store/postgres_database.hpp"
 #include "store/store_refusal.hpp"
 
 #include <algorithm>
@@ -258,6 +259,8 @@ ApiError caught(const HttpRequest& request, const Route& route) {
     return error;
   } catch (const StoreRefusal& error) {
     return {code_of(error.reason()), error.what()};
+  } catch (const StateAway& error) {
+    return logged(ErrorCode::kStateAway, error).with_header("Retry-After", "1");
   } catch (const DiskFull& error) {
     return logged(ErrorCode::kDiskFull, error);
   } catch (const maps::StorageError& error) {

@@ -176,15 +176,15 @@ class RandomLife {
     const std::int64_t id = jobs[random_() % jobs.size()].id;
     switch (random_() % 7) {
       case 0:
-        return (void)store_->jobs().succeed(id, "v", 4);
+        return (void)store_->jobs().succeed(store_->jobs().job(id), "v", 4);
       case 1:
-        return (void)store_->jobs().fail(id, "broken", 4);
+        return (void)store_->jobs().fail(store_->jobs().job(id), "broken", 4);
       case 2:
         return (void)store_->jobs().request_cancel(id, 4);
       case 3:
         return (void)store_->jobs().put_back_all("stopped", 4);
       case 4:
-        return store_->jobs().set_stage(id, "stage" + std::to_string(count_++));
+        return store_->jobs().set_stage(store_->jobs().job(id), "stage" + std::to_string(count_++));
       default:
         return (void)store_->jobs().claim(3);
     }

@@ -1,6 +1,7 @@
 #include "pose_graph/graph_problem.hpp"
 
 #include <stillmap/maps/small_matrices.hpp>
+#include "pose_graph/elimination_order.hpp"
 
 #include <ceres/ceres.h>
 
@@ -193,10 +194,13 @@ ceres::Problem::Options problem_options() {
   return options;
 }
 
+/// From so many nodes on CHOLMOD multiplies by whole blocks, in the order of nested dissection;
+/// below, Eigen is as fast, and its bits do not depend on which BLAS is installed.
+constexpr std::size_t kLargeGraph = 30'000;
+
 ceres::Solver::Options solver_options() {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  // CHOLMOD is no faster on these graphs, and its bits are those of whichever BLAS is installed.
   options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   // Ceres adds up costs and gradients in the order in which its threads come; evaluation is a
   // small part of the time.
@@ -222,6 +226,8 @@ struct GraphProblem::State {
   std::vector<Measurement> relative_poses;
   std::vector<Measurement> absolute_poses;
   std::vector<Measurement> positions;
+  /// Of a large graph: the order in which its nodes are eliminated.
+  std::vector<std::size_t> order;
   ceres::Problem problem{problem_options()};
 
   template <typename... Nodes>
@@ -251,6 +257,7 @@ GraphProblem::GraphProblem(const PoseGraph& graph, const std::vector<Eigen::Isom
                                         position.node));
   if (graph.absolute_poses.empty() && graph.absolute_positions.empty() && !graph.nodes.empty())
     state.problem.SetParameterBlockConstant(state.nodes.front().data());
+  if (graph.nodes.size() >= kLargeGraph) state.order = elimination_order(graph);
 }
 
 GraphProblem::~GraphProblem() = default;
@@ -260,6 +267,13 @@ GraphProblem::Outcome GraphProblem::minimize(int max_iterations, double cost_tol
   ceres::Solver::Options options = solver_options();
   options.max_num_iterations = max_iterations;
   options.function_tolerance = cost_tolerance;
+  if (!state_->order.empty()) {
+    options.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
+    options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (std::size_t i = 0; i < state_->order.size(); ++i)
+      options.linear_solver_ordering->AddElementToGroup(state_->nodes[state_->order[i]].data(),
+                                                        static_cast<int>(i));
+  }
   StopWhenCancelled stop(cancel);
   options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;

@@ -50,6 +50,8 @@ struct MapWithVersions {
 [[nodiscard]] std::string migration_plan_json(const MigrationPlan& plan, std::uint64_t free_bytes);
 [[nodiscard]] std::string migration_json(const Migration& migration);
 [[nodiscard]] std::string backup_json(const BackedUp& done);
+/// @param state  where it is, without a password.
+[[nodiscard]] std::string attached_json(const std::string& state);
 [[nodiscard]] std::string restored_json(std::size_t packages);
 [[nodiscard]] std::string added_json(const std::string& map, const PackageStore::Added& added);
 /// With the secret, which is told once.

@@ -8,10 +8,12 @@
 
 #include <spdlog/spdlog.h>
 #include <stillmap/localization/aligner.hpp>
+#include "store/postgres_database.hpp"
 
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <utility>
 
 namespace stillmap::server {
 namespace {
@@ -86,8 +88,14 @@ ServedVersion MapCatalog::find(std::string_view map) const {
 
 ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
   const Key key(map, version);
-  // It may be open still and yet be removed.
-  (void)store_.state().version(map, version);
+  try {
+    // It may be open still and yet be removed.
+    (void)store_.state().version(map, version);
+  } catch (const StateAway&) {
+    // Vehicles that name their version are localized on.
+    if (const auto open_already = known(map, version)) return *open_already;
+    throw;
+  }
   ServedVersion served = open(key).served;
   if (!served.package) throw unusable(served);
   return served;
@@ -238,6 +246,7 @@ void MapCatalog::refresh() {
 }
 
 void MapCatalog::work(const std::stop_token& stop) {
+  std::string trouble;
   while (!stop.stop_requested()) {
     std::optional<Key> next;
     {
@@ -259,8 +268,11 @@ void MapCatalog::work(const std::stop_token& stop) {
       // Also between loads: whoever asks for one version after the other must neither keep them all
       // open nor hide what other processes activate.
       follow_store();
+      trouble.clear();
     } catch (const std::exception& error) {
-      spdlog::error("the maps of the store: {}", error.what());
+      // Once, not every second.
+      if (std::exchange(trouble, error.what()) != error.what())
+        spdlog::error("the maps of the store: {}", error.what());
     }
   }
 }

@@ -12,6 +12,7 @@
 #include <string>
 #include <thread>
 #include "store/package_store.hpp"
+#include "store/postgres_database.hpp"
 #include "store/single_map_store.hpp"
 
 #include "command_line/run_program.hpp"
@@ -169,6 +170,8 @@ std::unique_ptr<server::Watchdog> start_watchdog(const server::Notifier& notifie
 void run_server(const server::ConfigSources& sources, const server::ServerOptions& started,
                 const server::SingleMapStore* single) {
   const bool made_store = single == nullptr && make_store(started.store);
+  if (!started.state.empty())
+    server::PackageStore::attach(started.store, server::PostgresAddress(started.state));
   // Waits for who restores it, while signals still end this process.
   { const server::PackageStore restored(started.store); }
   SignalLoop::block();

@@ -3,7 +3,10 @@
 #include <stillmap/maps/map_levels.hpp>
 #include "store/free_bytes.hpp"
 #include "store/package_store.hpp"
+#include "store/postgres_database.hpp"
+#include "store/state_copy.hpp"
 #include "store/store_backup.hpp"
+#include "store/store_folder.hpp"
 #include "store/store_migration.hpp"
 #include "store/store_upkeep.hpp"
 
@@ -37,7 +40,7 @@ using server::PackageStore;
 /// Those of all subcommands; each uses some.
 struct StoreArguments {
   fs::path store, folder;
-  std::string map, version;
+  std::string map, version, address;
   std::optional<std::size_t> keep;
   bool activate = false;
   bool reread = false;
@@ -243,6 +246,24 @@ void restore(const StoreArguments& arguments) {
         fmt::format("restored {} packages to {}", packages, arguments.store.string()));
 }
 
+void attach(const StoreArguments& arguments) {
+  PackageStore::make_folder(arguments.store);
+  const server::PostgresAddress address(arguments.address);
+  PackageStore::attach(arguments.store, address);
+  const PackageStore store(arguments.store);
+  print(arguments.json, server::attached_json(address.name()),
+        fmt::format("{} has its state in {}", arguments.store.string(), address.name()));
+}
+
+void copy(const StoreArguments& arguments) {
+  require_store(arguments.store);
+  const server::PostgresAddress address(arguments.address);
+  server::move_state(arguments.store, address);
+  print(arguments.json, server::attached_json(address.name()),
+        fmt::format("{} has its state in {} now; the one that it had is kept as {}",
+                    arguments.store.string(), address.name(), server::kMovedStateName));
+}
+
 void add(const StoreArguments& arguments) {
   PackageStore::make_folder(arguments.store);
   PackageStore store(arguments.store);
@@ -349,6 +370,24 @@ void add_upkeep(CLI::App& group, const Arguments& arguments) {
   add_restore(group, arguments);
 }
 
+/// What concerns a state in PostgreSQL.
+void add_state(CLI::App& group, const Arguments& arguments) {
+  CLI::App* attaches = add_command(
+      group, arguments,
+      {"attach", "Make a folder a store whose state is in PostgreSQL, shared with other servers",
+       attach, command_line::folder_or_new()});
+  CLI::App* copies =
+      add_command(group, arguments,
+                  {"copy", "Move the state of a store to PostgreSQL; stop its server first", copy});
+  attaches->add_option("ADDRESS", arguments->address, "postgres://USER@HOST:PORT/DATABASE")
+      ->required();
+  copies
+      ->add_option("--to", arguments->address,
+                   "postgres://USER@HOST:PORT/DATABASE, with nothing in it")
+      ->type_name("ADDRESS")
+      ->required();
+}
+
 /// What changes maps and versions.
 void add_changes(CLI::App& group, const Arguments& arguments) {
   CLI::App* adds = add_command(group, arguments,
@@ -376,8 +415,10 @@ void add_changes(CLI::App& group, const Arguments& arguments) {
 
 void require_store(const fs::path& folder) {
   if (server::PackageStore::is_store(folder)) return;
-  throw maps::InputError(folder.string(), "no state.db",
-                         "a store; `stillmap store add` and `stillmap keys create` make one");
+  throw maps::InputError(
+      folder.string(), "no state.db",
+      "a store; `stillmap store add`, `stillmap store attach` and `stillmap keys "
+      "create` make one");
 }
 
 void add_store(CLI::App& app) {
@@ -389,6 +430,7 @@ void add_store(CLI::App& app) {
       ->add_option("MAP", arguments->map, "Name of a map (default: all)");
   add_changes(*group, arguments);
   add_upkeep(*group, arguments);
+  add_state(*group, arguments);
 }
 
 }  // namespace stillmap::cli

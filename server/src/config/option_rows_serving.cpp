@@ -9,6 +9,11 @@ std::vector<Option> listening_options() {
       {.key = "store",
        .field = at(&S::store),
        .text = "Folder of the store; made if it is missing, in a folder that exists."},
+      {.key = "state",
+       .field = at(&S::state),
+       .text = "Address of a database of PostgreSQL (postgres://USER@HOST/DATABASE) that holds the "
+               "state of the store, shared with other servers; a password belongs into ~/.pgpass. "
+               "Empty: the state lies in the store's folder, or where that was attached to."},
       {.key = "localization_options_dir",
        .field = at(&S::localization_options_dir),
        .text = "Folder with options of localization: a file MAP.json for each map that needs its "

@@ -76,6 +76,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kMapUnusable, "MapUnusable", "The map cannot be used", 503},
     ErrorInfo{ErrorCode::kBeingMade, "BeingMade", "It is still being made", 503},
     ErrorInfo{ErrorCode::kDerivedUnavailable, "DerivedUnavailable", "It could not be made", 503},
+    ErrorInfo{ErrorCode::kStateAway, "StateAway", "The server cannot reach its state", 503},
     ErrorInfo{ErrorCode::kDeadlineExceeded, "DeadlineExceeded", "No answer within the deadline",
               504},
     ErrorInfo{ErrorCode::kOverQuota, "OverQuota", "The store's quota is used up", 507},

@@ -68,6 +68,7 @@ enum class ErrorCode {
   kMapUnusable,
   kBeingMade,
   kDerivedUnavailable,
+  kStateAway,
   kDeadlineExceeded,
   kOverQuota,
   kDiskFull,

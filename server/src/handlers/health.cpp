@@ -25,7 +25,9 @@ std::vector<std::string> complaints(const Context& context, const Caller& caller
   std::vector<std::string> all;
   if (const std::string why = context.store.state().not_writable_because(); !why.empty())
     all.push_back("the store takes no changes: " + without_folder(why, context.store.folder()) +
-                  "; repair its disk, then start the server again");
+                  (context.store.state().is_shared()
+                       ? "; poses are answered on, and changes are taken when it is back"
+                       : "; repair its disk, then start the server again"));
   const std::uint64_t free = free_bytes(context.store.folder());
   const std::uint64_t reserve = context.store.quota().disk_reserve.value_or(0);
   if (free < reserve)

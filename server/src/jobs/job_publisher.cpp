@@ -91,7 +91,7 @@ JobOutcome JobPublisher::publish(const StoredJob& job, const std::stop_token& st
     return stop.stop_requested() || setup_.store.jobs().job(job.id).cancel_requested;
   };
   const PackageStore::Added added = setup_.store.add(job.map, version_of(job), folder.map(),
-                                                     PackageStore::Maker{job.id, is_unwanted});
+                                                     PackageStore::Maker{job, is_unwanted});
   JobOutcome outcome = activate(job, added.version);
   write_small_file(folder.outcome(), to_json(outcome));
   remove_mark(job.id);

@@ -56,6 +56,15 @@ std::size_t count_crash(const JobFolder& folder, const StoredJob& job) {
   return crashes;
 }
 
+/// Of the server that works in this folder.
+std::string name_in(const fs::path& folder) {
+  const fs::path file = folder / ".server";
+  if (const auto known = read_small_file(file)) return *known;
+  const std::string name = random_hex(16);
+  write_small_file(file, name);
+  return name;
+}
+
 }  // namespace
 
 JobRunner::JobRunner(const JobSetup& setup, const JobFolders& folders, JobUploads& uploads,
@@ -70,6 +79,7 @@ JobRunner::JobRunner(const JobSetup& setup, const JobFolders& folders, JobUpload
   if (setup_.mapper.empty()) spdlog::warn("stillmap-mapper is not there: jobs will fail");
   for (int i = 0; i < setup_.live.current()->jobs.concurrent; ++i)
     threads_.emplace_back([this](const std::stop_token& stop) { work(stop); });
+  threads_.emplace_back([this](const std::stop_token& stop) { watch(stop); });
 }
 
 JobRunner::~JobRunner() {
@@ -97,7 +107,7 @@ void JobRunner::work(const std::stop_token& stop) {
     try {
       if (!take_over()) {
         pause = kLookAtLock;
-      } else if (const auto job = setup_.store.jobs().claim(unix_ns())) {
+      } else if (const auto job = setup_.store.jobs().claim(unix_ns(), server_)) {
         run(*job, stop);
         continue;
       }
@@ -127,14 +137,57 @@ bool JobRunner::take_over() {
     if (!file.is_open() || ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) return false;
     held.push_back(std::move(file));
   }
+  server_ = name_in(folders_.root());
   const std::size_t back =
-      setup_.store.jobs().put_back_all("the server ended meanwhile", unix_ns());
+      setup_.store.jobs().put_back_all("the server ended meanwhile", unix_ns(), server_);
   if (back > 0) spdlog::info("{} jobs go on that were interrupted", back);
   // Whoever held the lock before is gone.
   uploads_.clear_left_by_another();
   folders_.clear_forgotten();
   locks_ = std::move(held);
   return true;
+}
+
+void JobRunner::watch(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    try {
+      say_what_is_ours();
+      take_over_silent();
+    } catch (const std::exception& error) {
+      spdlog::warn("jobs: {}", error.what());
+      // Who said nothing meanwhile may have been heard by nobody.
+      silent_since_.clear();
+    }
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, stop, setup_.silent_after / 6, [] { return false; });
+  }
+}
+
+void JobRunner::say_what_is_ours() {
+  for (const JobClaim& claim : live_.claims()) {
+    if (setup_.store.jobs().beat(claim)) continue;
+    spdlog::warn("job {}: another server has taken it over", claim.id);
+    live_.lose(claim);
+  }
+}
+
+/// By this server's own clock: those of others need not agree with it.
+void JobRunner::take_over_silent() {
+  const auto now = std::chrono::steady_clock::now();
+  const std::vector<JobClaim> ours = live_.claims();
+  std::map<JobTable::Beat, std::chrono::steady_clock::time_point> seen;
+  for (const JobTable::Beat& beat : setup_.store.jobs().beats()) {
+    if (std::find(ours.begin(), ours.end(), beat.claim) != ours.end()) continue;
+    const auto known = silent_since_.find(beat);
+    const auto since = known == silent_since_.end() ? now : known->second;
+    if (now - since < setup_.silent_after) {
+      seen[beat] = since;
+    } else if (setup_.store.jobs().put_back_silent(beat, "its server has gone silent", unix_ns())) {
+      spdlog::warn("job {}: its server has gone silent, it is tried again", beat.claim.id);
+      wake();
+    }
+  }
+  silent_since_ = std::move(seen);
 }
 
 void JobRunner::run(const StoredJob& job, const std::stop_token& stop) {
@@ -231,15 +284,15 @@ void JobRunner::conclude(const StoredJob& job, const AttemptEnd& end, const std:
   JobTable& jobs = setup_.store.jobs();
   switch (end.kind) {
     case Kind::kDone:
-      if (live_.wants_cancel(job.id)) return live_.end(jobs.end_canceled(job.id, unix_ns()));
+      if (live_.wants_cancel(job.id)) return live_.end(jobs.end_canceled(job, unix_ns()));
       return publish(job, stop);
     case Kind::kFailed:
     case Kind::kTimedOut:
       return fail(job, folders_.without_places(end.why));
     case Kind::kCanceled:
-      return live_.end(jobs.end_canceled(job.id, unix_ns()));
+      return live_.end(jobs.end_canceled(job, unix_ns()));
     case Kind::kStopped:
-      return live_.end(jobs.put_back(job.id, end.why, unix_ns()));
+      return live_.end(jobs.put_back(job, end.why, unix_ns()));
     case Kind::kCrashed:
       return try_again(job, end.why);
     case Kind::kDiskFull:
@@ -263,15 +316,15 @@ void JobRunner::publish(const StoredJob& job, const std::stop_token& stop) {
     spdlog::error("job {}: {}", job.id, error.what());
     return try_again(job, "it could not be published: " + folders_.without_places(error.what()));
   }
-  live_.end(setup_.store.jobs().succeed(job.id, outcome.version, unix_ns()));
+  live_.end(setup_.store.jobs().succeed(job, outcome.version, unix_ns()));
 }
 
 /// Because it is cancelled, or to go on when the server starts again.
 void JobRunner::give_up_publishing(const StoredJob& job) {
   publisher_.remove_mark(job.id);
   JobTable& jobs = setup_.store.jobs();
-  live_.end(is_canceled(job) ? jobs.end_canceled(job.id, unix_ns())
-                             : jobs.put_back(job.id, "the server was stopped", unix_ns()));
+  live_.end(is_canceled(job) ? jobs.end_canceled(job, unix_ns())
+                             : jobs.put_back(job, "the server was stopped", unix_ns()));
 }
 
 /// For good. One whose version is there has come that far, and says why it went no further.
@@ -279,9 +332,9 @@ void JobRunner::fail(const StoredJob& job, const std::string& why) {
   JobTable& jobs = setup_.store.jobs();
   const std::optional<std::string> name = jobs.job(job.id).result_version;
   const auto version = name ? setup_.store.state().find_version(job.map, *name) : std::nullopt;
-  if (!version) return live_.end(jobs.fail(job.id, why, unix_ns()));
+  if (!version) return live_.end(jobs.fail(job, why, unix_ns()));
   publisher_.keep_outcome(job, *version, why);
-  live_.end(jobs.succeed(job.id, version->name, unix_ns()));
+  live_.end(jobs.succeed(job, version->name, unix_ns()));
 }
 
 /// As often as the options allow; then it has failed.
@@ -292,7 +345,7 @@ void JobRunner::try_again(const StoredJob& job, const std::string& why) {
   if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
     return fail(job, fmt::format("{}, {} times", words, crashes));
   spdlog::warn("job {} is tried again: {}", job.id, words);
-  live_.end(setup_.store.jobs().put_back(job.id, words, unix_ns()));
+  live_.end(setup_.store.jobs().put_back(job, words, unix_ns()));
 }
 
 /// After a pause, from its last checkpoint. It keeps its turn: jobs behind it would meet the same
@@ -319,7 +372,7 @@ void JobRunner::try_again_with_room(const StoredJob& job, const std::string& why
                         std::min(go_on, std::chrono::steady_clock::now() + kLookAtStore),
                         [] { return false; });
   }
-  live_.end(setup_.store.jobs().put_back(job.id, words, unix_ns()));
+  live_.end(setup_.store.jobs().put_back(job, words, unix_ns()));
 }
 
 }  // namespace stillmap::server

@@ -8,9 +8,11 @@
 #include "jobs/live_jobs.hpp"
 #include "jobs/room_check.hpp"
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <stop_token>
 #include <string>
@@ -20,8 +22,10 @@
 namespace stillmap::server {
 
 /// Takes the store's jobs one after the other, or several at a time, and has the mapper do them, in
-/// a process for each. Of the servers on one store a single one does. An attempt ends with a map,
-/// which is published; or the job fails, is cancelled, or is put back to be tried again.
+/// a process for each. Of the servers on one folder of a store a single one does; servers that
+/// share a state each take jobs, and take over those of one that has gone silent. An attempt ends
+/// with a map, which is published; or the job fails, is cancelled, or is put back to be tried
+/// again.
 class JobRunner {
  public:
   /// All of it outlives this.
@@ -37,6 +41,9 @@ class JobRunner {
  private:
   void work(const std::stop_token& stop);
   bool take_over();
+  void watch(const std::stop_token& stop);
+  void say_what_is_ours();
+  void take_over_silent();
   void run(const StoredJob& job, const std::stop_token& stop);
   [[nodiscard]] AttemptEnd attempt(const StoredJob& job, const std::stop_token& stop);
   /// @param is_unwanted  then what it waits for is killed, which is an error.
@@ -60,6 +67,10 @@ class JobRunner {
   std::mutex take_over_mutex_;
   /// Of the store's folder of jobs, and of the one to work in; `take_over_mutex_` guards them.
   std::vector<Descriptor> locks_;
+  /// By which the state knows this server, also after its restart; set with `locks_`.
+  std::string server_;
+  /// What others do, and since when they have said nothing. For `watch` alone.
+  std::map<JobTable::Beat, std::chrono::steady_clock::time_point> silent_since_;
   std::mutex mutex_;
   std::condition_variable_any changed_;
   /// Grows when there may be work.

@@ -25,6 +25,9 @@ struct JobSetup {
   /// How long a job first waits for room on a full disk; then five times as long each time.
   /// Short at first: what filled the disk may have been a file that is gone again.
   std::chrono::milliseconds first_pause_when_full = std::chrono::seconds(2);
+  /// Where servers share the state: how long the worker of a job says nothing until another one
+  /// takes the job over. It says something six times as often.
+  std::chrono::milliseconds silent_after = std::chrono::seconds(30);
 
   /// Of the mapper, by the options as they are now.
   [[nodiscard]] ProcessLimits limits() const {

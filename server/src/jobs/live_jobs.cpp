@@ -62,6 +62,7 @@ void LiveJobs::begin(const StoredJob& job) {
   {
     const std::scoped_lock lock(mutex_);
     live_[job.id].progress = {};
+    live_[job.id].claim = job;
   }
   note_progress(job, {.stage = "prepare"});
 }
@@ -81,7 +82,7 @@ void LiveJobs::note_progress(const StoredJob& job, const JobProgress& progress) 
   events->add("progress", job_event_json(view), unix_ns());
   if (!is_new_stage) return;
   try_or_log("its stage could not be kept", job.id,
-             [&] { setup_.store.jobs().set_stage(job.id, progress.stage); });
+             [&] { setup_.store.jobs().set_stage(job, progress.stage); });
   try_or_log("whether it was cancelled is not known", job.id, [&] {
     // By another process, or before the restart.
     if (!setup_.store.jobs().job(job.id).cancel_requested) return;
@@ -111,6 +112,7 @@ void LiveJobs::end(const StoredJob& job) {
     const std::scoped_lock lock(mutex_);
     events = live_[job.id].events;
     live_[job.id].progress = {};
+    live_[job.id].claim.reset();
     if (finished) live_.erase(job.id);
   }
   events->add(finished ? "end" : "progress", job_event_json(view(job)), unix_ns());
@@ -131,6 +133,20 @@ void LiveJobs::forget(std::int64_t id) {
   if (found == live_.end()) return;
   found->second.events->close();
   live_.erase(found);
+}
+
+std::vector<JobClaim> LiveJobs::claims() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<JobClaim> claims;
+  for (const auto& [id, live] : live_)
+    if (live.claim) claims.push_back(*live.claim);
+  return claims;
+}
+
+void LiveJobs::lose(const JobClaim& claim) {
+  const std::scoped_lock lock(mutex_);
+  const auto found = live_.find(claim.id);
+  if (found != live_.end() && found->second.claim == claim) found->second.cancel = true;
 }
 
 std::vector<std::int64_t> LiveJobs::ids() const {

@@ -53,6 +53,10 @@ class LiveJobs {
   /// An attempt has ended, and the store knows. One that ended for good is counted, its last event
   /// sent, and its work cleared.
   void end(const StoredJob& job);
+  /// The attempts under way here.
+  [[nodiscard]] std::vector<JobClaim> claims() const;
+  /// Another server has taken the job over: what is under way here is to end.
+  void lose(const JobClaim& claim);
   /// A job is not ours any more.
   void forget(std::int64_t id);
   /// Of those that have not ended, or whose events somebody reads.
@@ -64,6 +68,8 @@ class LiveJobs {
   struct Live {
     JobProgress progress;
     bool cancel = false;
+    /// While an attempt is under way here.
+    std::optional<JobClaim> claim{};
     /// How often it has met a full disk, and at which attempt last.
     int times_full = 0;
     std::int64_t full_at_attempt = 0;

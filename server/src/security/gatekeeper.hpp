@@ -8,7 +8,6 @@
 #include "store/key_table.hpp"
 
 #include <cstdint>
-#include <mutex>
 #include <optional>
 #include <string>
 
@@ -43,10 +42,6 @@ class Gatekeeper {
 
   const KeyTable& keys_;
   bool on_loopback_;
-  std::mutex mutex_;
-  /// `KeyTable::change_counter` when `has_keys_` was read.
-  std::int64_t seen_ = -1;
-  bool has_keys_ = false;
   RateLimits rates_;
   AddressRates address_rates_;
 };

@@ -8,7 +8,7 @@
 
 namespace stillmap::server {
 
-class SqliteDatabase;
+class Database;
 
 /// What the first record follows: the newest one that was ever removed.
 struct AuditStart {
@@ -21,12 +21,12 @@ struct AuditStart {
 /// text: for each of its fields but the SHA-256, in the order in which `AuditRecord` declares them,
 /// the number of its bytes, a colon, the field and a line feed. Integers are decimal.
 [[nodiscard]] std::string chained_sha256(const std::string& before, const AuditRecord& record);
-[[nodiscard]] AuditStart audit_start(SqliteDatabase& database);
+[[nodiscard]] AuditStart audit_start(Database& database);
 /// Calls for every record, oldest first.
-void for_each_audit_record(SqliteDatabase& database,
+void for_each_audit_record(Database& database,
                            const std::function<void(const AuditRecord&)>& visit);
 /// The second half of the schema's step that made the chain: gives a hash to every record that has
 /// none yet.
-void chain_old_audit_records(SqliteDatabase& database);
+void chain_old_audit_records(Database& database);
 
 }  // namespace stillmap::server

@@ -1,6 +1,5 @@
 #include "store/audit_log.hpp"
 
-#include <exception>
 #include <stdexcept>
 #include <string_view>
 
@@ -23,42 +22,18 @@ constexpr const char* kSelect =
     "SELECT id, time_ns, request_id, server_request_id, source, key_id, method, route, subject,"
     " status, sha256 FROM audit ";
 
-AuditRecord record_of(const SqliteStatement& row) {
+AuditRecord record_of(const Statement& row) {
   return {
       row.integer(0), row.integer(1), row.text(2), row.text(3), row.text(4),
       row.text(5),    row.text(6),    row.text(7), row.text(8), static_cast<int>(row.integer(9)),
       row.text(10)};
 }
 
-/// All that is read until its end is of one instant.
-class Snapshot {
- public:
-  explicit Snapshot(SqliteDatabase& database) : database_(database) { database_.execute("BEGIN"); }
-  ~Snapshot() {
-    try {
-      database_.execute("ROLLBACK");
-    } catch (const std::exception&) {
-      // Nothing was written.
-    }
-  }
-  Snapshot(const Snapshot&) = delete;
-  Snapshot& operator=(const Snapshot&) = delete;
-
- private:
-  SqliteDatabase& database_;
-};
-
 /// The record that the next one follows.
-AuditStart newest(SqliteDatabase& database) {
-  SqliteStatement row(database, "SELECT id, sha256 FROM audit ORDER BY id DESC LIMIT 1");
+AuditStart newest(Database& database) {
+  Statement row(database, "SELECT id, sha256 FROM audit ORDER BY id DESC LIMIT 1");
   if (row.step()) return {row.integer(0), row.text(1)};
   return audit_start(database);
-}
-
-/// The greatest id that was ever given, which SQLite keeps.
-std::int64_t last_given_id(SqliteDatabase& database) {
-  SqliteStatement row(database, "SELECT seq FROM sqlite_sequence WHERE name = 'audit'");
-  return row.step() ? row.integer(0) : 0;
 }
 
 }  // namespace
@@ -81,31 +56,38 @@ std::string chained_sha256(const std::string& before, const AuditRecord& record)
   return hash.hex();
 }
 
-AuditStart audit_start(SqliteDatabase& database) {
-  SqliteStatement row(database, "SELECT id, sha256 FROM audit_start");
+AuditStart audit_start(Database& database) {
+  Statement row(database, "SELECT id, sha256 FROM audit_start");
   if (!row.step()) return {};
   return {row.integer(0), row.text(1)};
 }
 
-void for_each_audit_record(SqliteDatabase& database,
+void for_each_audit_record(Database& database,
                            const std::function<void(const AuditRecord&)>& visit) {
-  SqliteStatement row(database, std::string(kSelect) + "ORDER BY id");
-  while (row.step()) visit(record_of(row));
+  // Page by page: an engine may keep all rows of a statement in memory.
+  for (std::int64_t id = INT64_MIN;;) {
+    Statement row(database, std::string(kSelect) + "WHERE id > ? ORDER BY id LIMIT 1000");
+    row.bind(id);
+    std::size_t rows = 0;
+    for (; row.step(); ++rows) {
+      const AuditRecord record = record_of(row);
+      visit(record);
+      id = record.id;
+    }
+    if (rows == 0) return;
+  }
 }
 
-void chain_old_audit_records(SqliteDatabase& database) {
+void chain_old_audit_records(Database& database) {
   std::string before = audit_start(database).sha256;
   // One by one, so that no row is changed under a statement that reads on.
   for (std::int64_t id = INT64_MIN;;) {
-    SqliteStatement row(database, std::string(kSelect) + "WHERE id > ? ORDER BY id LIMIT 1");
+    Statement row(database, std::string(kSelect) + "WHERE id > ? ORDER BY id LIMIT 1");
     if (!row.bind(id).step()) return;
     const AuditRecord record = record_of(row);
     before = chained_sha256(before, record);
     id = record.id;
-    SqliteStatement(database, "UPDATE audit SET sha256 = ? WHERE id = ?")
-        .bind(before)
-        .bind(id)
-        .step();
+    Statement(database, "UPDATE audit SET sha256 = ? WHERE id = ?").bind(before).bind(id).step();
   }
 }
 
@@ -116,10 +98,10 @@ std::int64_t AuditLog::append(const AuditRecord& record) {
   const AuditStart before = newest(writing.database());
   AuditRecord row = record;
   row.id = before.id + 1;
-  SqliteStatement(writing.database(),
-                  "INSERT INTO audit (id, time_ns, request_id, server_request_id, source, key_id,"
-                  " method, route, subject, status, sha256)"
-                  " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+  Statement(writing.database(),
+            "INSERT INTO audit (id, time_ns, request_id, server_request_id, source, key_id,"
+            " method, route, subject, status, sha256)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
       .bind(row.id)
       .bind(row.time_ns)
       .bind(row.request_id)
@@ -141,8 +123,7 @@ AuditLog::Page AuditLog::list(std::size_t limit, std::optional<std::int64_t> bef
     throw std::invalid_argument("limit: " + std::to_string(limit) + ", 1 to 1000 expected");
   const Reading reading(*database_);
   // One more tells whether there are others.
-  SqliteStatement row(reading.database(),
-                      std::string(kSelect) + "WHERE id < ? ORDER BY id DESC LIMIT ?");
+  Statement row(reading.database(), std::string(kSelect) + "WHERE id < ? ORDER BY id DESC LIMIT ?");
   row.bind(before.value_or(INT64_MAX)).bind(static_cast<std::int64_t>(limit) + 1);
   Page page;
   while (row.step()) page.records.push_back(record_of(row));
@@ -156,7 +137,7 @@ AuditLog::Page AuditLog::list(std::size_t limit, std::optional<std::int64_t> bef
 void AuditLog::for_each(
     const std::function<void(const AuditRecord&, const std::string& before)>& visit) const {
   const ReadingBeside reading(*database_);
-  const Snapshot snapshot(reading.database());
+  const Transaction snapshot(reading.database(), Transaction::For::kReading);
   std::string before = audit_start(reading.database()).sha256;
   for_each_audit_record(reading.database(), [&](const AuditRecord& record) {
     visit(record, before);
@@ -166,7 +147,7 @@ void AuditLog::for_each(
 
 AuditLog::Check AuditLog::check() const {
   const ReadingBeside reading(*database_);
-  const Snapshot snapshot(reading.database());
+  const Transaction snapshot(reading.database(), Transaction::For::kReading);
   const AuditStart start = audit_start(reading.database());
   Check check{.newest_id = start.id, .newest_sha256 = start.sha256};
   for_each_audit_record(reading.database(), [&](const AuditRecord& record) {
@@ -178,7 +159,7 @@ AuditLog::Check AuditLog::check() const {
     check.newest_sha256 = record.sha256;
   });
   // Whoever removes the newest records leaves the counter.
-  if (!check.first_wrong_id && check.newest_id != last_given_id(reading.database()))
+  if (!check.first_wrong_id && check.newest_id != reading.database().last_id("audit"))
     check.first_wrong_id = check.newest_id + 1;
   return check;
 }
@@ -188,19 +169,18 @@ std::size_t AuditLog::remove_older_than(std::int64_t days, std::int64_t now_ns) 
     throw std::invalid_argument("retention: " + std::to_string(days) + " days");
   const std::int64_t oldest_ns = now_ns - days * kDayNs;
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   // Only from the beginning of the chain on: the first that is young enough keeps all behind it.
   // The sign keeps SQLite from reading all times, sorted, in place of the first rows.
-  SqliteStatement first(database, "SELECT id FROM audit WHERE +time_ns >= ? ORDER BY id LIMIT 1");
+  Statement first(database, "SELECT id FROM audit WHERE +time_ns >= ? ORDER BY id LIMIT 1");
   const std::int64_t kept = first.bind(oldest_ns).step() ? first.integer(0) : INT64_MAX;
-  SqliteStatement last(database,
-                       "SELECT id, sha256 FROM audit WHERE id < ? ORDER BY id DESC LIMIT 1");
+  Statement last(database, "SELECT id, sha256 FROM audit WHERE id < ? ORDER BY id DESC LIMIT 1");
   if (!last.bind(kept).step()) return 0;
-  SqliteStatement(database, "UPDATE audit_start SET id = ?, sha256 = ?")
+  Statement(database, "UPDATE audit_start SET id = ?, sha256 = ?")
       .bind(last.integer(0))
       .bind(last.text(1))
       .step();
-  SqliteStatement(database, "DELETE FROM audit WHERE id < ?").bind(kept).step();
+  Statement(database, "DELETE FROM audit WHERE id < ?").bind(kept).step();
   const std::int64_t gone = database.changes();
   writing.commit();
   return static_cast<std::size_t>(gone);

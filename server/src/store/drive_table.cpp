@@ -15,7 +15,8 @@ using Reason = StoreRefusal::Reason;
 using Writing = StoreDatabase::Writing;
 
 constexpr const char* kSelectDrives =
-    "SELECT id, map, name, iif(needs_choice, 'needs_choice', status), error, created_ns,"
+    "SELECT id, map, name, CASE WHEN needs_choice <> 0 THEN 'needs_choice' ELSE status END, error, "
+    "created_ns,"
     " finished_ns, (SELECT coalesce(sum(bytes), 0) FROM drive_parts WHERE drive = id), version,"
     " content_type, inspection FROM drives ";
 
@@ -25,7 +26,7 @@ DriveStatus status_of(const std::string& name) {
   return name == name_of(DriveStatus::kFailed) ? DriveStatus::kFailed : DriveStatus::kComplete;
 }
 
-StoredDrive drive_of(const SqliteStatement& row) {
+StoredDrive drive_of(const Statement& row) {
   StoredDrive drive{.id = row.integer(0), .map = row.text(1), .name = row.text(2)};
   drive.status = status_of(row.text(3));
   drive.error = row.text(4);
@@ -38,20 +39,20 @@ StoredDrive drive_of(const SqliteStatement& row) {
   return drive;
 }
 
-std::vector<StoredDrive> drives_of(SqliteStatement& row) {
+std::vector<StoredDrive> drives_of(Statement& row) {
   std::vector<StoredDrive> drives;
   while (row.step()) drives.push_back(drive_of(row));
   return drives;
 }
 
-StoredDrive known_drive(SqliteDatabase& database, std::int64_t id) {
-  SqliteStatement row(database, std::string(kSelectDrives) + "WHERE id = ?");
+StoredDrive known_drive(Database& database, std::int64_t id) {
+  Statement row(database, std::string(kSelectDrives) + "WHERE id = ?");
   if (!row.bind(id).step())
     throw StoreRefusal(Reason::kUnknownDrive, "there is no drive " + std::to_string(id));
   return drive_of(row);
 }
 
-StoredDrive open_drive(SqliteDatabase& database, std::int64_t id) {
+StoredDrive open_drive(Database& database, std::int64_t id) {
   StoredDrive drive = known_drive(database, id);
   if (drive.status != DriveStatus::kOpen)
     throw StoreRefusal(Reason::kDriveNotOpen,
@@ -59,14 +60,14 @@ StoredDrive open_drive(SqliteDatabase& database, std::int64_t id) {
   return drive;
 }
 
-StoredDrive finish(SqliteDatabase& database, StoredDrive drive, DriveStatus status,
+StoredDrive finish(Database& database, StoredDrive drive, DriveStatus status,
                    std::string_view error, std::int64_t now_ns) {
   drive.status = status;
   drive.error = error;
   drive.finished_ns = now_ns;
-  SqliteStatement(database,
-                  "UPDATE drives SET status = ?, needs_choice = 0, error = ?, finished_ns = ?,"
-                  " inspection = ? WHERE id = ?")
+  Statement(database,
+            "UPDATE drives SET status = ?, needs_choice = 0, error = ?, finished_ns = ?,"
+            " inspection = ? WHERE id = ?")
       .bind(name_of(status))
       .bind(error)
       .bind(now_ns)
@@ -86,8 +87,8 @@ void check_part(const DrivePart& part) {
     throw std::invalid_argument("part: " + std::to_string(part.bytes) + " bytes");
 }
 
-void check_no_gap(SqliteDatabase& database, const StoredDrive& drive) {
-  SqliteStatement row(database, "SELECT count(*), max(n) FROM drive_parts WHERE drive = ?");
+void check_no_gap(Database& database, const StoredDrive& drive) {
+  Statement row(database, "SELECT count(*), max(n) FROM drive_parts WHERE drive = ?");
   row.bind(drive.id).step();
   const std::int64_t count = row.integer(0);
   if (count > 0 && count == row.integer(1)) return;
@@ -97,10 +98,10 @@ void check_no_gap(SqliteDatabase& database, const StoredDrive& drive) {
                          ": send the missing ones");
 }
 
-void refuse_if_read(SqliteDatabase& database, std::int64_t id) {
-  SqliteStatement row(database,
-                      "SELECT j.id FROM job_drives d JOIN jobs j ON j.id = d.job WHERE d.drive = ?"
-                      " AND j.status IN ('enqueued', 'processing')");
+void refuse_if_read(Database& database, std::int64_t id) {
+  Statement row(database,
+                "SELECT j.id FROM job_drives d JOIN jobs j ON j.id = d.job WHERE d.drive = ?"
+                " AND j.status IN ('enqueued', 'processing')");
   if (row.bind(id).step())
     throw StoreRefusal(Reason::kInUse, "drive " + std::to_string(id) + " is read by job " +
                                            row.text(0) + ": wait for its end or cancel it");
@@ -128,15 +129,16 @@ std::string_view name_of(DriveStatus status) {
 
 StoredDrive DriveTable::open(std::string_view map, std::string_view name, std::int64_t now_ns) {
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   (void)known_map(database, map);
-  SqliteStatement(database,
-                  "INSERT INTO drives (map, name, status, created_ns) VALUES (?, ?, 'open', ?)")
-      .bind(map)
-      .bind(name)
-      .bind(now_ns)
-      .step();
-  StoredDrive drive = known_drive(database, database.inserted());
+  const auto id = [&] {
+    Statement row(database,
+                  "INSERT INTO drives (map, name, status, created_ns) VALUES (?, ?, 'open', ?)"
+                  " RETURNING id");
+    row.bind(map).bind(name).bind(now_ns).step();
+    return row.integer(0);
+  }();
+  StoredDrive drive = known_drive(database, id);
   writing.commit();
   return drive;
 }
@@ -147,17 +149,16 @@ StoredDrive DriveTable::open_upload(std::string_view map, const UploadTarget& ta
     throw std::invalid_argument("version: " + in_quotes(target.version) +
                                 ", [a-z0-9][a-z0-9._-]{0,62} expected");
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   (void)known_map(database, map);
-  SqliteStatement(database,
+  const auto id = [&] {
+    Statement row(database,
                   "INSERT INTO drives (map, name, status, created_ns, version, content_type)"
-                  " VALUES (?, '', 'open', ?, ?, ?)")
-      .bind(map)
-      .bind(now_ns)
-      .bind(target.version)
-      .bind(target.content_type)
-      .step();
-  StoredDrive upload = known_drive(database, database.inserted());
+                  " VALUES (?, '', 'open', ?, ?, ?) RETURNING id");
+    row.bind(map).bind(now_ns).bind(target.version).bind(target.content_type).step();
+    return row.integer(0);
+  }();
+  StoredDrive upload = known_drive(database, id);
   writing.commit();
   return upload;
 }
@@ -165,10 +166,10 @@ StoredDrive DriveTable::open_upload(std::string_view map, const UploadTarget& ta
 bool DriveTable::add_part(std::int64_t id, const DrivePart& part, const StoreQuota& quota) {
   check_part(part);
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   const StoredDrive drive = open_drive(database, id);
   {
-    SqliteStatement row(database, "SELECT sha256 FROM drive_parts WHERE drive = ? AND n = ?");
+    Statement row(database, "SELECT sha256 FROM drive_parts WHERE drive = ? AND n = ?");
     if (row.bind(id).bind(part.n).step()) {
       if (row.text(0) == part.sha256) return false;
       throw StoreRefusal(Reason::kOtherDigest, "part " + std::to_string(part.n) + " of " +
@@ -177,7 +178,7 @@ bool DriveTable::add_part(std::int64_t id, const DrivePart& part, const StoreQuo
     }
   }
   refuse_over_quota(database, quota, {drive.map, part.bytes});
-  SqliteStatement(database, "INSERT INTO drive_parts VALUES (?, ?, ?, ?)")
+  Statement(database, "INSERT INTO drive_parts (drive, n, sha256, bytes) VALUES (?, ?, ?, ?)")
       .bind(id)
       .bind(part.n)
       .bind(part.sha256)
@@ -190,8 +191,8 @@ bool DriveTable::add_part(std::int64_t id, const DrivePart& part, const StoreQuo
 std::vector<DrivePart> DriveTable::parts(std::int64_t id) const {
   const Reading reading(*database_);
   (void)known_drive(reading.database(), id);
-  SqliteStatement row(reading.database(),
-                      "SELECT n, sha256, bytes FROM drive_parts WHERE drive = ? ORDER BY n");
+  Statement row(reading.database(),
+                "SELECT n, sha256, bytes FROM drive_parts WHERE drive = ? ORDER BY n");
   row.bind(id);
   std::vector<DrivePart> parts;
   while (row.step())
@@ -202,7 +203,7 @@ std::vector<DrivePart> DriveTable::parts(std::int64_t id) const {
 StoredDrive DriveTable::complete(std::int64_t id, std::int64_t now_ns,
                                  std::string_view inspection) {
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   StoredDrive drive = known_drive(database, id);
   if (drive.status == DriveStatus::kComplete) return drive;
   if (drive.status != DriveStatus::kNeedsChoice) drive = open_drive(database, id);
@@ -216,15 +217,14 @@ StoredDrive DriveTable::complete(std::int64_t id, std::int64_t now_ns,
 StoredDrive DriveTable::ask_for_choice(std::int64_t id, std::string_view error,
                                        std::string_view inspection) {
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   StoredDrive drive = known_drive(database, id);
   if (drive.status != DriveStatus::kNeedsChoice) drive = open_drive(database, id);
   check_no_gap(database, drive);
   drive.status = DriveStatus::kNeedsChoice;
   drive.error = error;
   drive.inspection = inspection;
-  SqliteStatement(database,
-                  "UPDATE drives SET needs_choice = 1, error = ?, inspection = ? WHERE id = ?")
+  Statement(database, "UPDATE drives SET needs_choice = 1, error = ?, inspection = ? WHERE id = ?")
       .bind(error)
       .bind(inspection)
       .bind(id)
@@ -251,30 +251,29 @@ StoredDrive DriveTable::drive(std::int64_t id) const {
 std::vector<StoredDrive> DriveTable::of_map(std::string_view map) const {
   const Reading reading(*database_);
   (void)known_map(reading.database(), map);
-  SqliteStatement row(reading.database(),
-                      std::string(kSelectDrives) + "WHERE map = ? AND version IS NULL ORDER BY id");
+  Statement row(reading.database(),
+                std::string(kSelectDrives) + "WHERE map = ? AND version IS NULL ORDER BY id");
   return drives_of(row.bind(map));
 }
 
 std::vector<StoredDrive> DriveTable::uploads_of_map(std::string_view map) const {
   const Reading reading(*database_);
   (void)known_map(reading.database(), map);
-  SqliteStatement row(reading.database(), std::string(kSelectDrives) +
-                                              "WHERE map = ? AND version IS NOT NULL ORDER BY id");
+  Statement row(reading.database(),
+                std::string(kSelectDrives) + "WHERE map = ? AND version IS NOT NULL ORDER BY id");
   return drives_of(row.bind(map));
 }
 
 std::vector<StoredDrive> DriveTable::all() const {
   const Reading reading(*database_);
-  SqliteStatement row(reading.database(), std::string(kSelectDrives) + "ORDER BY id");
+  Statement row(reading.database(), std::string(kSelectDrives) + "ORDER BY id");
   return drives_of(row);
 }
 
 std::vector<std::int64_t> DriveTable::jobs_using(std::int64_t id) const {
   const Reading reading(*database_);
   (void)known_drive(reading.database(), id);
-  SqliteStatement row(reading.database(),
-                      "SELECT job FROM job_drives WHERE drive = ? ORDER BY job");
+  Statement row(reading.database(), "SELECT job FROM job_drives WHERE drive = ? ORDER BY job");
   row.bind(id);
   std::vector<std::int64_t> jobs;
   while (row.step()) jobs.push_back(row.integer(0));
@@ -284,12 +283,12 @@ std::vector<std::int64_t> DriveTable::jobs_using(std::int64_t id) const {
 void DriveTable::remove(std::int64_t id) {
   database_->even_when_full([&] {
     Writing writing(*database_);
-    SqliteDatabase& database = writing.database();
+    Database& database = writing.database();
     (void)known_drive(database, id);
     refuse_if_read(database, id);
     for (const char* sql :
          {"DELETE FROM drive_parts WHERE drive = ?", "DELETE FROM drives WHERE id = ?"})
-      SqliteStatement(database, sql).bind(id).step();
+      Statement(database, sql).bind(id).step();
     writing.commit();
   });
 }

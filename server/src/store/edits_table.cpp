@@ -15,10 +15,9 @@ using Reading = StoreDatabase::Reading;
 using Reason = StoreRefusal::Reason;
 using Writing = StoreDatabase::Writing;
 
-SavedEdits known_edits(SqliteDatabase& database, std::string_view map) {
+SavedEdits known_edits(Database& database, std::string_view map) {
   (void)known_map(database, map);
-  SqliteStatement row(database,
-                      "SELECT text, sha256, saved_ns, saver FROM saved_edits WHERE map = ?");
+  Statement row(database, "SELECT text, sha256, saved_ns, saver FROM saved_edits WHERE map = ?");
   if (!row.bind(map).step())
     return {.text = std::string(maps::kNoEdits), .sha256 = maps::sha256_of(maps::kNoEdits)};
   return {
@@ -38,12 +37,15 @@ SavedEdits EditsTable::save(std::string_view map, std::string_view text, std::st
     throw std::invalid_argument("edits: " + std::to_string(text.size()) + " bytes, at most " +
                                 std::to_string(kMostBytes) + " expected");
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   const SavedEdits known = known_edits(database, map);
   if (before && *before != known.sha256)
     throw StoreRefusal(Reason::kOtherRevision,
                        "the corrections of map " + in_quotes(map) + " were changed meanwhile");
-  SqliteStatement(database, "INSERT OR REPLACE INTO saved_edits VALUES (?, ?, ?, ?, ?)")
+  Statement(database,
+            "INSERT INTO saved_edits (map, text, sha256, saved_ns, saver) VALUES (?, ?, ?, ?, ?)"
+            " ON CONFLICT (map) DO UPDATE SET text = excluded.text, sha256 = excluded.sha256,"
+            " saved_ns = excluded.saved_ns, saver = excluded.saver")
       .bind(map)
       .bind(text)
       .bind(maps::sha256_of(text))

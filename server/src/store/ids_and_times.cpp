@@ -1,11 +1,16 @@
 #include "ids_and_times.hpp"
 
+#include <openssl/crypto.h>
+#include <openssl/rand.h>
+
 #include <charconv>
 #include <chrono>
 #include <cstdint>
 #include <ctime>
+#include <stdexcept>
 #include <string>
 #include <system_error>
+#include <vector>
 
 namespace stillmap::server {
 
@@ -48,6 +53,18 @@ std::int64_t unix_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(
              std::chrono::system_clock::now().time_since_epoch())
       .count();
+}
+
+std::string random_hex(std::size_t digits) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::vector<unsigned char> bytes((digits + 1) / 2);
+  if (RAND_bytes(bytes.data(), static_cast<int>(bytes.size())) != 1)
+    throw std::runtime_error("there is no randomness: look at the machine's /dev/urandom");
+  std::string text;
+  for (const unsigned char byte : bytes) text += {kDigits[byte >> 4U], kDigits[byte & 15U]};
+  OPENSSL_cleanse(bytes.data(), bytes.size());
+  text.resize(digits);
+  return text;
 }
 
 }  // namespace stillmap::server

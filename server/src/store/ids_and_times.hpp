@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace stillmap::server {
@@ -13,5 +15,7 @@ namespace stillmap::server {
 [[nodiscard]] std::optional<std::int64_t> time_in(std::string_view text);
 /// Since 1970, UTC.
 [[nodiscard]] std::int64_t unix_ns();
+/// So many lower-case hex digits that nobody can guess.
+[[nodiscard]] std::string random_hex(std::size_t digits);
 
 }  // namespace stillmap::server

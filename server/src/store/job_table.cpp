@@ -29,7 +29,7 @@ constexpr const char* kSelectJobs =
     "SELECT id, kind, map, request, status, stage, error, result_version, attempts, enqueued_ns,"
     " started_ns, finished_ns, asker, idempotency_key, cancel_requested FROM jobs ";
 
-StoredJob job_of(const SqliteStatement& row) {
+StoredJob job_of(const Statement& row) {
   StoredJob job{.id = row.integer(0), .map = row.text(2), .request = row.text(3)};
   job.kind = row.text(1) == name_of(JobKind::kConvert) ? JobKind::kConvert : JobKind::kRebuild;
   job.status = job_status_of(row.text(4)).value();
@@ -46,27 +46,32 @@ StoredJob job_of(const SqliteStatement& row) {
   return job;
 }
 
-StoredJob known_job(SqliteDatabase& database, std::int64_t id) {
-  SqliteStatement row(database, std::string(kSelectJobs) + "WHERE id = ?");
+StoredJob known_job(Database& database, std::int64_t id) {
+  Statement row(database, std::string(kSelectJobs) + "WHERE id = ?");
   if (!row.bind(id).step())
     throw StoreRefusal(Reason::kUnknownJob, "there is no job " + std::to_string(id));
   return job_of(row);
 }
 
-StoredJob processing_job(SqliteDatabase& database, std::int64_t id) {
-  StoredJob job = known_job(database, id);
+/// @throws StoreRefusal kNotProcessing also when another attempt has begun.
+StoredJob processing_job(Database& database, const JobClaim& claim) {
+  StoredJob job = known_job(database, claim.id);
   if (job.status != JobStatus::kProcessing)
-    throw StoreRefusal(Reason::kNotProcessing,
-                       "job " + std::to_string(id) + " is " + std::string(name_of(job.status)));
+    throw StoreRefusal(Reason::kNotProcessing, "job " + std::to_string(claim.id) + " is " +
+                                                   std::string(name_of(job.status)));
+  if (job.attempts != claim.attempt)
+    throw StoreRefusal(Reason::kNotProcessing, "attempt " + std::to_string(claim.attempt) +
+                                                   " at job " + std::to_string(claim.id) +
+                                                   " was given up, and another one has begun");
   return job;
 }
 
 /// Writes what can change of a job.
-void update(SqliteDatabase& database, const StoredJob& job) {
-  SqliteStatement(database,
-                  "UPDATE jobs SET status = ?, stage = ?, error = ?, result_version = ?,"
-                  " attempts = ?, started_ns = ?, finished_ns = ?, cancel_requested = ?"
-                  " WHERE id = ?")
+void update(Database& database, const StoredJob& job) {
+  Statement(database,
+            "UPDATE jobs SET status = ?, stage = ?, error = ?, result_version = ?,"
+            " attempts = ?, started_ns = ?, finished_ns = ?, cancel_requested = ?"
+            " WHERE id = ?")
       .bind(name_of(job.status))
       .bind(job.stage)
       .bind(job.error)
@@ -106,11 +111,11 @@ std::string sha256_of_request(const NewJob& job) {
   return hash.hex();
 }
 
-std::optional<StoredJob> asked_before(SqliteDatabase& database, const NewJob& job,
+std::optional<StoredJob> asked_before(Database& database, const NewJob& job,
                                       const std::string& sha256) {
   if (!job.idempotency_key) return std::nullopt;
-  SqliteStatement row(
-      database, "SELECT id, request_sha256 FROM jobs WHERE asker = ? AND idempotency_key = ?");
+  Statement row(database,
+                "SELECT id, request_sha256 FROM jobs WHERE asker = ? AND idempotency_key = ?");
   if (!row.bind(job.asker).bind(*job.idempotency_key).step()) return std::nullopt;
   if (row.text(1) != sha256)
     throw StoreRefusal(Reason::kOtherRequest, "the idempotency key was used for job " +
@@ -118,9 +123,8 @@ std::optional<StoredJob> asked_before(SqliteDatabase& database, const NewJob& jo
   return known_job(database, row.integer(0));
 }
 
-void check_drive(SqliteDatabase& database, std::string_view map, std::int64_t drive) {
-  SqliteStatement row(database,
-                      "SELECT status FROM drives WHERE id = ? AND map = ? AND version IS NULL");
+void check_drive(Database& database, std::string_view map, std::int64_t drive) {
+  Statement row(database, "SELECT status FROM drives WHERE id = ? AND map = ? AND version IS NULL");
   if (!row.bind(drive).bind(map).step())
     throw StoreRefusal(Reason::kUnknownDrive,
                        "map " + in_quotes(map) + " has no drive " + std::to_string(drive));
@@ -129,12 +133,13 @@ void check_drive(SqliteDatabase& database, std::string_view map, std::int64_t dr
                        "drive " + std::to_string(drive) + " is " + row.text(0) + ", not complete");
 }
 
-std::int64_t insert(SqliteDatabase& database, const NewJob& job, const std::string& sha256,
+std::int64_t insert(Database& database, const NewJob& job, const std::string& sha256,
                     std::int64_t now_ns) {
-  SqliteStatement(database,
-                  "INSERT INTO jobs (kind, map, request, status, enqueued_ns, asker,"
-                  " idempotency_key, request_sha256) VALUES (?, ?, ?, 'enqueued', ?, ?, ?, ?)")
-      .bind(name_of(job.kind))
+  Statement row(database,
+                "INSERT INTO jobs (kind, map, request, status, enqueued_ns, asker,"
+                " idempotency_key, request_sha256) VALUES (?, ?, ?, 'enqueued', ?, ?, ?, ?)"
+                " RETURNING id");
+  row.bind(name_of(job.kind))
       .bind(job.map)
       .bind(job.request)
       .bind(now_ns)
@@ -142,13 +147,24 @@ std::int64_t insert(SqliteDatabase& database, const NewJob& job, const std::stri
       .bind(job.idempotency_key)
       .bind(sha256)
       .step();
-  const std::int64_t id = database.inserted();
+  const std::int64_t id = row.integer(0);
   for (const std::int64_t drive : job.drives)
-    SqliteStatement(database, "INSERT OR IGNORE INTO job_drives VALUES (?, ?)")
+    Statement(database, "INSERT INTO job_drives (job, drive) VALUES (?, ?) ON CONFLICT DO NOTHING")
         .bind(id)
         .bind(drive)
         .step();
   return id;
+}
+
+/// A pattern of maps as LIKE reads it. Names of maps have no capital letters, which SQLite's LIKE
+/// does not tell apart.
+std::string like_of(std::string_view pattern) {
+  std::string text;
+  for (const char c : pattern) {
+    if (c == '_') text += '!';
+    text += c == '*' ? '%' : c;
+  }
+  return text;
 }
 
 }  // namespace
@@ -174,7 +190,7 @@ bool is_finished(JobStatus status) {
 JobTable::Enqueued JobTable::enqueue(const NewJob& job, std::int64_t now_ns) {
   const std::string sha256 = sha256_of_request(job);
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   if (std::optional<StoredJob> before = asked_before(database, job, sha256))
     return {*std::move(before), false};
   (void)known_map(database, job.map);
@@ -185,13 +201,13 @@ JobTable::Enqueued JobTable::enqueue(const NewJob& job, std::int64_t now_ns) {
   return enqueued;
 }
 
-std::optional<StoredJob> JobTable::claim(std::int64_t now_ns) {
+std::optional<StoredJob> JobTable::claim(std::int64_t now_ns, std::string_view server) {
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   StoredJob job;
   {
-    SqliteStatement row(database,
-                        std::string(kSelectJobs) + "WHERE status = 'enqueued' ORDER BY id LIMIT 1");
+    Statement row(database,
+                  std::string(kSelectJobs) + "WHERE status = 'enqueued' ORDER BY id LIMIT 1");
     if (!row.step()) return std::nullopt;
     job = job_of(row);
   }
@@ -200,21 +216,62 @@ std::optional<StoredJob> JobTable::claim(std::int64_t now_ns) {
   ++job.attempts;
   job.started_ns = now_ns;
   update(database, job);
+  Statement(database, "UPDATE jobs SET server = ?, beat = 0 WHERE id = ?")
+      .bind(server)
+      .bind(job.id)
+      .step();
   writing.commit();
   return job;
 }
 
-void JobTable::set_stage(std::int64_t id, std::string_view stage) {
+bool JobTable::beat(const JobClaim& claim) {
   Writing writing(*database_);
-  StoredJob job = processing_job(writing.database(), id);
+  Statement(
+      writing.database(),
+      "UPDATE jobs SET beat = beat + 1 WHERE id = ? AND attempts = ? AND status = 'processing'")
+      .bind(claim.id)
+      .bind(claim.attempt)
+      .step();
+  const bool is_ours = writing.database().changes() > 0;
+  writing.commit();
+  return is_ours;
+}
+
+std::vector<JobTable::Beat> JobTable::beats() const {
+  const Reading reading(*database_);
+  Statement row(reading.database(),
+                "SELECT id, attempts, beat FROM jobs WHERE status = 'processing'");
+  std::vector<Beat> beats;
+  while (row.step())
+    beats.push_back({StoredJob{.id = row.integer(0), .attempts = row.integer(1)}, row.integer(2)});
+  return beats;
+}
+
+bool JobTable::put_back_silent(const Beat& last, std::string_view error, std::int64_t now_ns) {
+  Writing writing(*database_);
+  Statement row(writing.database(),
+                "SELECT 1 FROM jobs WHERE id = ? AND attempts = ? AND beat = ?"
+                " AND status = 'processing'");
+  if (!row.bind(last.claim.id).bind(last.claim.attempt).bind(last.beats).step()) return false;
+  StoredJob job = processing_job(writing.database(), last.claim);
+  put_back_or_cancel(job, error, now_ns);
+  update(writing.database(), job);
+  writing.commit();
+  return true;
+}
+
+void JobTable::set_stage(const JobClaim& claim, std::string_view stage) {
+  Writing writing(*database_);
+  StoredJob job = processing_job(writing.database(), claim);
   job.stage = stage;
   update(writing.database(), job);
   writing.commit();
 }
 
-StoredJob JobTable::succeed(std::int64_t id, std::string_view result_version, std::int64_t now_ns) {
+StoredJob JobTable::succeed(const JobClaim& claim, std::string_view result_version,
+                            std::int64_t now_ns) {
   Writing writing(*database_);
-  StoredJob job = processing_job(writing.database(), id);
+  StoredJob job = processing_job(writing.database(), claim);
   end(job, JobStatus::kSucceeded, now_ns);
   job.error.clear();
   job.result_version = result_version;
@@ -223,10 +280,10 @@ StoredJob JobTable::succeed(std::int64_t id, std::string_view result_version, st
   return job;
 }
 
-StoredJob JobTable::fail(std::int64_t id, std::string_view error, std::int64_t now_ns) {
+StoredJob JobTable::fail(const JobClaim& claim, std::string_view error, std::int64_t now_ns) {
   return database_->even_when_full([&] {
     Writing writing(*database_);
-    StoredJob job = processing_job(writing.database(), id);
+    StoredJob job = processing_job(writing.database(), claim);
     end(job, JobStatus::kFailed, now_ns);
     job.error = error;
     update(writing.database(), job);
@@ -235,10 +292,10 @@ StoredJob JobTable::fail(std::int64_t id, std::string_view error, std::int64_t n
   });
 }
 
-StoredJob JobTable::end_canceled(std::int64_t id, std::int64_t now_ns) {
+StoredJob JobTable::end_canceled(const JobClaim& claim, std::int64_t now_ns) {
   return database_->even_when_full([&] {
     Writing writing(*database_);
-    StoredJob job = processing_job(writing.database(), id);
+    StoredJob job = processing_job(writing.database(), claim);
     end(job, JobStatus::kCanceled, now_ns);
     update(writing.database(), job);
     writing.commit();
@@ -246,21 +303,23 @@ StoredJob JobTable::end_canceled(std::int64_t id, std::int64_t now_ns) {
   });
 }
 
-StoredJob JobTable::put_back(std::int64_t id, std::string_view error, std::int64_t now_ns) {
+StoredJob JobTable::put_back(const JobClaim& claim, std::string_view error, std::int64_t now_ns) {
   Writing writing(*database_);
-  StoredJob job = processing_job(writing.database(), id);
+  StoredJob job = processing_job(writing.database(), claim);
   put_back_or_cancel(job, error, now_ns);
   update(writing.database(), job);
   writing.commit();
   return job;
 }
 
-std::size_t JobTable::put_back_all(std::string_view error, std::int64_t now_ns) {
+std::size_t JobTable::put_back_all(std::string_view error, std::int64_t now_ns,
+                                   std::string_view server) {
   Writing writing(*database_);
   std::vector<StoredJob> jobs;
   {
-    SqliteStatement row(writing.database(),
-                        std::string(kSelectJobs) + "WHERE status = 'processing'");
+    Statement row(writing.database(),
+                  std::string(kSelectJobs) + "WHERE status = 'processing' AND server IN (?, '')");
+    row.bind(server);
     while (row.step()) jobs.push_back(job_of(row));
   }
   for (StoredJob& job : jobs) {
@@ -301,8 +360,7 @@ StoredJob JobTable::job(std::int64_t id) const {
 std::vector<std::int64_t> JobTable::drives(std::int64_t id) const {
   const Reading reading(*database_);
   (void)known_job(reading.database(), id);
-  SqliteStatement row(reading.database(),
-                      "SELECT drive FROM job_drives WHERE job = ? ORDER BY drive");
+  Statement row(reading.database(), "SELECT drive FROM job_drives WHERE job = ? ORDER BY drive");
   row.bind(id);
   std::vector<std::int64_t> drives;
   while (row.step()) drives.push_back(row.integer(0));
@@ -311,7 +369,7 @@ std::vector<std::int64_t> JobTable::drives(std::int64_t id) const {
 
 std::size_t JobTable::count(JobStatus status) const {
   const Reading reading(*database_);
-  SqliteStatement row(reading.database(), "SELECT count(*) FROM jobs WHERE status = ?");
+  Statement row(reading.database(), "SELECT count(*) FROM jobs WHERE status = ?");
   row.bind(name_of(status)).step();
   return static_cast<std::size_t>(row.integer(0));
 }
@@ -320,19 +378,19 @@ JobTable::Page JobTable::list(const Filter& filter, std::size_t limit,
                               std::optional<std::int64_t> before) const {
   if (limit < 1 || limit > kLargestJobPage)
     throw std::invalid_argument("limit: " + std::to_string(limit) + ", 1 to 1000 expected");
-  std::string sql = std::string(kSelectJobs) + "WHERE 1";
+  std::string sql = std::string(kSelectJobs) + "WHERE true";
   if (filter.status) sql += " AND status = ?";
   if (filter.map) sql += " AND map = ?";
   for (std::size_t i = 0; i < filter.maps.size(); ++i)
-    sql += i == 0 ? " AND (map GLOB ?" : " OR map GLOB ?";
+    sql += i == 0 ? " AND (map LIKE ? ESCAPE '!'" : " OR map LIKE ? ESCAPE '!'";
   if (!filter.maps.empty()) sql += ")";
   if (before) sql += " AND id < ?";
   const Reading reading(*database_);
   // One more tells whether there are others.
-  SqliteStatement row(reading.database(), sql + " ORDER BY id DESC LIMIT ?");
+  Statement row(reading.database(), sql + " ORDER BY id DESC LIMIT ?");
   if (filter.status) row.bind(name_of(*filter.status));
   if (filter.map) row.bind(*filter.map);
-  for (const std::string& pattern : filter.maps) row.bind(pattern);
+  for (const std::string& pattern : filter.maps) row.bind(like_of(pattern));
   if (before) row.bind(*before);
   row.bind(static_cast<std::int64_t>(limit) + 1);
   Page page;
@@ -351,7 +409,7 @@ JobTable::Page JobTable::list(const Filter& filter, std::size_t limit,
 std::vector<StoredJob> JobTable::unfinished() const {
   const Reading reading(*database_);
   // One statement: what is put back between two of them would stand in neither.
-  SqliteStatement row(
+  Statement row(
       reading.database(),
       std::string(kSelectJobs) + "WHERE status IN ('enqueued', 'processing') ORDER BY id DESC");
   std::vector<StoredJob> jobs;
@@ -362,10 +420,10 @@ std::vector<StoredJob> JobTable::unfinished() const {
 std::size_t JobTable::forget_finished_before(std::int64_t time_ns, std::int64_t of_drives_ns) {
   return database_->even_when_full([&] {
     Writing writing(*database_);
-    SqliteStatement(writing.database(),
-                    "DELETE FROM jobs WHERE finished_ns < ? AND (finished_ns < ? OR NOT EXISTS"
-                    " (SELECT 1 FROM job_drives JOIN drives ON drives.id = job_drives.drive"
-                    " WHERE job_drives.job = jobs.id))")
+    Statement(writing.database(),
+              "DELETE FROM jobs WHERE finished_ns < ? AND (finished_ns < ? OR NOT EXISTS"
+              " (SELECT 1 FROM job_drives JOIN drives ON drives.id = job_drives.drive"
+              " WHERE job_drives.job = jobs.id))")
         .bind(time_ns)
         .bind(of_drives_ns)
         .step();

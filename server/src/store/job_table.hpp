@@ -69,6 +69,16 @@ struct StoredJob {
   auto operator<=>(const StoredJob&) const = default;
 };
 
+/// An attempt at a job, as whoever claimed it knows it. What it says of the job counts only while
+/// no other attempt has begun.
+struct JobClaim {
+  std::int64_t id = 0;
+  std::int64_t attempt = 0;
+  JobClaim(const StoredJob& claimed)  // NOLINT(google-explicit-constructor): it is what is claimed
+      : id(claimed.id), attempt(claimed.attempts) {}
+  auto operator<=>(const JobClaim&) const = default;
+};
+
 /// Jobs of a store. What returned is kept. Safe from several threads. Throws StorageError when the
 /// disk fails, StoreRefusal kUnknownJob for an id that is none.
 class JobTable {
@@ -82,22 +92,34 @@ class JobTable {
   /// kOtherRequest when the asker used the idempotency key for something else.
   Enqueued enqueue(const NewJob& job, std::int64_t now_ns);
   /// The oldest enqueued one, which is then processing; nothing when none waits. Each goes to one
-  /// caller only.
-  std::optional<StoredJob> claim(std::int64_t now_ns);
+  /// caller only. @param server  which works on it.
+  std::optional<StoredJob> claim(std::int64_t now_ns, std::string_view server = {});
+  /// Whoever works on a job says so every few seconds. @return false when it is not its any more.
+  bool beat(const JobClaim& claim);
   /// @throws StoreRefusal kNotProcessing.
-  void set_stage(std::int64_t id, std::string_view stage);
+  void set_stage(const JobClaim& claim, std::string_view stage);
   /// Publishes nothing itself. @throws StoreRefusal kNotProcessing.
-  StoredJob succeed(std::int64_t id, std::string_view result_version, std::int64_t now_ns);
+  StoredJob succeed(const JobClaim& claim, std::string_view result_version, std::int64_t now_ns);
   /// @throws StoreRefusal kNotProcessing.
-  StoredJob fail(std::int64_t id, std::string_view error, std::int64_t now_ns);
+  StoredJob fail(const JobClaim& claim, std::string_view error, std::int64_t now_ns);
   /// Its worker has ended it because it was asked to. @throws StoreRefusal kNotProcessing.
-  StoredJob end_canceled(std::int64_t id, std::int64_t now_ns);
+  StoredJob end_canceled(const JobClaim& claim, std::int64_t now_ns);
   /// Puts it back to its place in the queue, to be tried again; canceled when that was requested.
   /// @throws StoreRefusal kNotProcessing.
-  StoredJob put_back(std::int64_t id, std::string_view error, std::int64_t now_ns);
-  /// Does so with all that are processing: after a restart nobody works on them. For the one
-  /// process that claims jobs. @return how many.
-  std::size_t put_back_all(std::string_view error, std::int64_t now_ns);
+  StoredJob put_back(const JobClaim& claim, std::string_view error, std::int64_t now_ns);
+  /// Does so with all that this server has claimed: after its restart nobody works on them.
+  /// @return how many.
+  std::size_t put_back_all(std::string_view error, std::int64_t now_ns,
+                           std::string_view server = {});
+  /// What is processing, and how often its worker has said so.
+  struct Beat {
+    JobClaim claim;
+    std::int64_t beats = 0;
+    auto operator<=>(const Beat&) const = default;
+  };
+  [[nodiscard]] std::vector<Beat> beats() const;
+  /// Puts one back whose worker has not said anything since. @return whether it was so.
+  bool put_back_silent(const Beat& last, std::string_view error, std::int64_t now_ns);
   /// One that waits is canceled at once, one that is processing is marked so; asking twice is
   /// asking once. @throws StoreRefusal kJobFinished when it succeeded, failed, or has published its
   /// version and is about to end.

@@ -1,13 +1,13 @@
 #include "store/key_table.hpp"
 
 #include <openssl/crypto.h>
-#include <openssl/rand.h>
 
 #include <algorithm>
-#include <array>
 #include <stdexcept>
 
 #include <stillmap/maps/sha256.hpp>
+#include "store/ids_and_times.hpp"
+#include "store/postgres_database.hpp"
 #include "store/store_database.hpp"
 
 namespace stillmap::server {
@@ -43,7 +43,7 @@ std::string text_of(const std::vector<std::string>& maps) {
   return text;
 }
 
-ApiKey key_of(const SqliteStatement& row) {
+ApiKey key_of(const Statement& row) {
   return {row.text(0),
           row.text(1),
           {static_cast<std::uint8_t>(row.integer(2))},
@@ -51,18 +51,6 @@ ApiKey key_of(const SqliteStatement& row) {
           row.optional_integer(4),
           row.optional_integer(5),
           maps_of(row.text(7))};
-}
-
-std::string random_hex(std::size_t digits) {
-  constexpr std::string_view kDigits = "0123456789abcdef";
-  std::array<unsigned char, kSecretDigits / 2> bytes{};
-  if (RAND_bytes(bytes.data(), static_cast<int>(digits / 2)) != 1)
-    throw std::runtime_error("there is no randomness to make a key of");
-  std::string text;
-  for (std::size_t i = 0; i < digits / 2; ++i)
-    text += {kDigits[bytes[i] >> 4U], kDigits[bytes[i] & 15U]};
-  OPENSSL_cleanse(bytes.data(), bytes.size());
-  return text;
 }
 
 std::string sha256_of_secret(std::string_view secret) {
@@ -161,7 +149,9 @@ KeyTable::Created KeyTable::create(std::string_view name, KeyScopes scopes,
                   {}};
   created.text = std::string(kPrefix) + created.key.id + "_" + secret;
   Writing writing(*database_);
-  SqliteStatement(writing.database(), "INSERT INTO keys VALUES (?, ?, ?, ?, ?, ?, NULL, ?)")
+  Statement(writing.database(),
+            "INSERT INTO keys (id, name, scopes, secret_sha256, created_ns, expires_ns, maps)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?)")
       .bind(created.key.id)
       .bind(name)
       .bind(static_cast<std::int64_t>(scopes.bits))
@@ -176,7 +166,7 @@ KeyTable::Created KeyTable::create(std::string_view name, KeyScopes scopes,
 
 std::vector<ApiKey> KeyTable::list() const {
   const ReadingBeside reading(*database_);
-  SqliteStatement row(reading.database(), std::string(kSelectKeys) + "ORDER BY created_ns, id");
+  Statement row(reading.database(), std::string(kSelectKeys) + "ORDER BY created_ns, id");
   std::vector<ApiKey> keys;
   while (row.step()) keys.push_back(key_of(row));
   return keys;
@@ -185,14 +175,14 @@ std::vector<ApiKey> KeyTable::list() const {
 ApiKey KeyTable::revoke(std::string_view id, std::int64_t now_ns) {
   return database_->even_when_full([&] {
     Writing writing(*database_);
-    SqliteStatement row(writing.database(), std::string(kSelectKeys) + "WHERE id = ?");
+    Statement row(writing.database(), std::string(kSelectKeys) + "WHERE id = ?");
     if (!row.bind(id).step())
       throw StoreRefusal(StoreRefusal::Reason::kUnknownKey,
                          "there is no key '" + std::string(id) + "'");
     ApiKey key = key_of(row);
     if (key.revoked_ns) return key;
     key.revoked_ns = now_ns;
-    SqliteStatement(writing.database(), "UPDATE keys SET revoked_ns = ? WHERE id = ?")
+    Statement(writing.database(), "UPDATE keys SET revoked_ns = ? WHERE id = ?")
         .bind(now_ns)
         .bind(id)
         .step();
@@ -211,13 +201,10 @@ KeyCheck KeyTable::check(std::string_view text, std::int64_t now_ns) const {
   // Compared with an unknown id's secret too; no secret is known that has this sum.
   std::string kept(given.size(), '0');
   std::optional<ApiKey> key;
-  {
-    const ReadingBeside reading(*database_);
-    SqliteStatement row(reading.database(), std::string(kSelectKeys) + "WHERE id = ?");
-    if (row.bind(id).step()) {
-      key = key_of(row);
-      kept = row.text(6);
-    }
+  const std::shared_ptr<const KnownKeys> keys = known();
+  if (const auto found = keys->find(id); found != keys->end()) {
+    key = found->second.key;
+    kept = found->second.secret_sha256;
   }
   const bool same =
       kept.size() == given.size() && CRYPTO_memcmp(kept.data(), given.data(), given.size()) == 0;
@@ -227,17 +214,24 @@ KeyCheck KeyTable::check(std::string_view text, std::int64_t now_ns) const {
   return {Verdict::kGood, std::move(key)};
 }
 
-std::int64_t KeyTable::change_counter() const {
+bool KeyTable::any() const { return !known()->empty(); }
+
+std::shared_ptr<const KeyTable::KnownKeys> KeyTable::known() const {
   const ReadingBeside reading(*database_);
-  // It changes with every commit of another connection, and all that change anything are others.
-  const std::int64_t at = reading.database().pragma("data_version");
-  if (at == counted_at_) return counted_;
-  // Rows never go, and are revoked once.
-  SqliteStatement counts(reading.database(), "SELECT count(*) + count(revoked_ns) FROM keys");
-  counts.step();
-  counted_ = counts.integer(0);
-  counted_at_ = at;
-  return counted_;
+  try {
+    // It changes with every commit of another connection, and all that change anything are others.
+    const std::int64_t at = reading.database().change_mark();
+    if (known_ && at == known_at_) return known_;
+    auto keys = std::make_shared<KnownKeys>();
+    Statement row(reading.database(), kSelectKeys);
+    while (row.step()) keys->insert_or_assign(row.text(0), Known{key_of(row), row.text(6)});
+    known_ = std::move(keys);
+    known_at_ = at;
+  } catch (const StateAway&) {
+    // Vehicles are localized on while the state is away.
+    if (!known_) throw;
+  }
+  return known_;
 }
 
 }  // namespace stillmap::server

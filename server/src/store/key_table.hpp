@@ -3,6 +3,9 @@
 #include "store/store_refusal.hpp"
 
 #include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -85,19 +88,25 @@ class KeyTable {
   /// For good. One that is revoked already stays as it is. @throws StoreRefusal kUnknownKey.
   ApiKey revoke(std::string_view id, std::int64_t now_ns);
   /// Any text may be given. Takes the same time for a wrong secret and an unknown id, waits for no
-  /// writer, and sees at once what another process created or revoked.
+  /// writer, and sees what another process created or revoked: at once in SQLite, within a second
+  /// in PostgreSQL. While that is away, the keys that were read last count.
   [[nodiscard]] KeyCheck check(std::string_view text, std::int64_t now_ns) const;
-  /// Grows with every key created or revoked, by any process. Cheap: for those who keep checked
-  /// keys in memory.
-  [[nodiscard]] std::int64_t change_counter() const;
+  /// Whether there is any, expired and revoked ones included. As `check` otherwise.
+  [[nodiscard]] bool any() const;
 
  private:
   friend class StoreState;
   explicit KeyTable(StoreDatabase& database) : database_(&database) {}
   StoreDatabase* database_;
-  /// What was counted last, and the state of the database then. Under the lock of those who read.
-  mutable std::int64_t counted_ = 0;
-  mutable std::int64_t counted_at_ = -1;
+  struct Known {
+    ApiKey key;
+    std::string secret_sha256;
+  };
+  using KnownKeys = std::map<std::string, Known, std::less<>>;
+  [[nodiscard]] std::shared_ptr<const KnownKeys> known() const;
+  /// By id, and the database's mark when they were read. Under the lock of those who read.
+  mutable std::shared_ptr<const KnownKeys> known_;
+  mutable std::int64_t known_at_ = 0;
 };
 
 }  // namespace stillmap::server

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <fstream>
 #include <set>
 #include <stdexcept>
 #include <system_error>
@@ -19,6 +20,7 @@
 #include "store/folder_lock.hpp"
 #include "store/incoming_package.hpp"
 #include "store/package_copy.hpp"
+#include "store/postgres_database.hpp"
 #include "store/store_folder.hpp"
 
 namespace stillmap::server {
@@ -84,7 +86,20 @@ void refuse_unwanted(const std::optional<PackageStore::Maker>& maker) {
   if (!maker || !maker->is_unwanted || !maker->is_unwanted()) return;
   throw StoreRefusal(
       StoreRefusal::Reason::kNotProcessing,
-      "the package of job " + std::to_string(maker->job) + " is not wanted any more");
+      "the package of job " + std::to_string(maker->job.id) + " is not wanted any more");
+}
+
+/// Nothing where the state is in the folder. @throws InputError, StorageError.
+std::optional<PostgresAddress> state_address(const fs::path& folder) {
+  const fs::path file = folder / kStateAddressName;
+  if (!is_there(file)) return std::nullopt;
+  std::ifstream stream(file);
+  std::string text;
+  if (!std::getline(stream, text)) throw maps::StorageError(file.string(), "cannot be read");
+  if (!PostgresAddress::is_one(text))
+    throw maps::InputError(file.string(), "no address of PostgreSQL",
+                           "one line that begins with postgres://");
+  return PostgresAddress(text);
 }
 
 }  // namespace
@@ -107,7 +122,10 @@ PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
     open_read_only(error);
     return;
   }
-  state_ = std::make_unique<StoreState>(folder_ / kStateName, calls);
+  if (const std::optional<PostgresAddress> address = state_address(folder_))
+    state_ = std::make_unique<StoreState>(*address);
+  else
+    state_ = std::make_unique<StoreState>(folder_ / kStateName, calls);
   if (!read_only_because().empty()) return;
   try {
     clear_condemned();
@@ -133,7 +151,31 @@ bool PackageStore::make_folder(const fs::path& folder, DiskCalls& calls) {
   return true;
 }
 
-bool PackageStore::is_store(const fs::path& folder) { return is_there(folder / kStateName); }
+void PackageStore::attach(const fs::path& folder, const PostgresAddress& address,
+                          DiskCalls& calls) {
+  const fs::path file = folder / kStateAddressName;
+  const auto known = state_address(folder);
+  if (known && known->text() == address.text()) return;
+  if (known)
+    throw maps::InputError(file.string(), known->name(),
+                           address.name() +
+                               ", or no such file: stop all servers on this folder and "
+                               "remove the file, if the state has moved");
+  if (is_there(folder / kStateName))
+    throw maps::InputError((folder / kStateName).string(), "a state of its own",
+                           "none: `stillmap store copy` moves it to PostgreSQL");
+  const DurableFiles files(calls);
+  DurableFiles::NewFile text = files.create(file);
+  // It may hold a password.
+  fs::permissions(file, fs::perms::owner_read | fs::perms::owner_write);
+  text.append(address.text() + "\n");
+  text.finish();
+  files.sync_folder(folder);
+}
+
+bool PackageStore::is_store(const fs::path& folder) {
+  return is_there(folder / kStateName) || is_there(folder / kStateAddressName);
+}
 
 /// A disk on which not even the lock's file can be made may still hold all that is to be served.
 void PackageStore::open_read_only(const maps::StorageError& reason) {
@@ -212,11 +254,13 @@ void PackageStore::refuse_lost_state() const {
   std::error_code error;
   const fs::path file = folder_ / kStateName;
   if (is_there(file) && fs::file_size(file, error) > 0) return;
+  if (is_there(folder_ / kStateAddressName)) return;
   if (!is_there(packages_.path())) return;
   // Also what a restore left that came no further.
   if (folders_in(packages_.path()).empty()) return;
   throw maps::InputError(file.string(), "nothing, though there are packages beside it",
-                         "the state that names them: put it back, or move the packages away");
+                         "the state that names them: put it back, name the one in PostgreSQL "
+                         "(`stillmap store attach`), or move the packages away");
 }
 
 std::shared_ptr<const maps::MapPackage> PackageStore::open(std::string_view map,
@@ -337,7 +381,7 @@ std::string PackageStore::damage_of(const PackageArchive& archive) const {
 PackageStore::Added PackageStore::publish(PackageFolder::Incoming& incoming,
                                           const fs::path& package, std::string_view map,
                                           const StoredVersion& version,
-                                          std::optional<std::int64_t> job) {
+                                          const std::optional<JobClaim>& job) {
   state_->check_version(map, version, quota());
   const fs::path target = packages_.path_of(version.digest);
   const bool is_first = !is_there(target);
@@ -407,7 +451,7 @@ StoredVersion PackageStore::replace(const std::string& former, PackageFolder::In
 
 /// Under the lock, with the package in its place.
 PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version,
-                                         std::optional<std::int64_t> job) {
+                                         const std::optional<JobClaim>& job) {
   packages_.sync();
   const bool is_new = state_->add_version(map, version, quota(), job);
   state_->signatures().add(map, version.digest, version.signatures);

@@ -47,6 +47,11 @@ class PackageStore {
   /// Makes an empty folder for a store, in a folder that exists. @return false when it is there.
   static bool make_folder(const std::filesystem::path& folder,
                           DiskCalls& calls = DiskCalls::real());
+  /// Makes a folder a store whose state is in PostgreSQL, where other stores share it; nothing
+  /// changes when it is that already. @throws InputError when it has a state of its own, or one at
+  /// another address; StorageError.
+  static void attach(const std::filesystem::path& folder, const PostgresAddress& address,
+                     DiskCalls& calls = DiskCalls::real());
   /// Whether a folder holds a store already.
   [[nodiscard]] static bool is_store(const std::filesystem::path& folder);
 
@@ -104,7 +109,7 @@ class PackageStore {
   };
   /// The job that has made a package.
   struct Maker {
-    std::int64_t job = 0;
+    JobClaim job;
     /// Asked again and again until it is published; then it is given up.
     std::function<bool()> is_unwanted;
   };
@@ -188,10 +193,10 @@ class PackageStore {
   /// @param version  with the signatures that come with it, or without. @throws StoreRefusal.
   void require_trust(std::string_view map, const StoredVersion& version) const;
   Added commit(std::string_view map, const StoredVersion& version,
-               std::optional<std::int64_t> job = {});
+               const std::optional<JobClaim>& job = {});
   Added publish(PackageFolder::Incoming& incoming, const std::filesystem::path& package,
                 std::string_view map, const StoredVersion& version,
-                std::optional<std::int64_t> job = {});
+                const std::optional<JobClaim>& job = {});
   /// Where the package of a map's version with this digest lies. @throws StoreRefusal.
   [[nodiscard]] std::filesystem::path path_of_version(std::string_view map,
                                                       std::string_view digest) const;

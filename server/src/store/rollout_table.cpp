@@ -24,7 +24,7 @@ std::vector<std::string> lines_of(const std::string& text) {
   return each;
 }
 
-Rollout rollout_of(const SqliteStatement& row) {
+Rollout rollout_of(const Statement& row) {
   return {.map = row.text(0),
           .version = row.text(1),
           .share = row.real(2),
@@ -36,8 +36,8 @@ Rollout rollout_of(const SqliteStatement& row) {
           .active = row.optional_text(9).value_or("")};
 }
 
-std::optional<Rollout> find_rollout(SqliteDatabase& database, std::string_view map) {
-  SqliteStatement row(database, std::string(kRolloutColumns) + "WHERE map = ?");
+std::optional<Rollout> find_rollout(Database& database, std::string_view map) {
+  Statement row(database, std::string(kRolloutColumns) + "WHERE map = ?");
   if (!row.bind(map).step()) return std::nullopt;
   return rollout_of(row);
 }
@@ -46,7 +46,7 @@ std::optional<Rollout> find_rollout(SqliteDatabase& database, std::string_view m
 
 std::vector<Rollout> RolloutTable::list() const {
   const Reading reading(*database_);
-  SqliteStatement row(reading.database(), std::string(kRolloutColumns) + "ORDER BY map");
+  Statement row(reading.database(), std::string(kRolloutColumns) + "ORDER BY map");
   std::vector<Rollout> rollouts;
   while (row.step()) rollouts.push_back(rollout_of(row));
   return rollouts;
@@ -54,7 +54,7 @@ std::vector<Rollout> RolloutTable::list() const {
 
 Rollout RolloutTable::put(const Rollout& rollout) {
   Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   const StoredMap map = known_map(database, rollout.map);
   (void)known_version(database, rollout.map, rollout.version);
   if (map.active == rollout.version)
@@ -68,9 +68,12 @@ Rollout RolloutTable::put(const Rollout& rollout) {
   const std::optional<Rollout> before = find_rollout(database, rollout.map);
   if (before && !before->halted && before->version == rollout.version)
     kept.begun_ns = before->begun_ns;
+  Statement(database, "DELETE FROM rollouts WHERE map = ?").bind(rollout.map).step();
   std::string vehicles;
   for (const std::string& pattern : rollout.vehicles) vehicles += pattern + "\n";
-  SqliteStatement(database, "INSERT OR REPLACE INTO rollouts VALUES (?, ?, ?, ?, ?, ?, 0, '', ?)")
+  Statement(database,
+            "INSERT INTO rollouts (map, version, share, vehicles, least_answers, most_rise,"
+            " halted, reason, begun_ns) VALUES (?, ?, ?, ?, ?, ?, 0, '', ?)")
       .bind(kept.map)
       .bind(kept.version)
       .bind_real(kept.share)
@@ -86,10 +89,10 @@ Rollout RolloutTable::put(const Rollout& rollout) {
 bool RolloutTable::halt(const Rollout& rollout, std::string_view reason) {
   return database_->even_when_full([&] {
     Writing writing(*database_);
-    SqliteDatabase& database = writing.database();
-    SqliteStatement(database,
-                    "UPDATE rollouts SET halted = 1, reason = ? WHERE map = ? AND begun_ns = ?"
-                    " AND halted = 0")
+    Database& database = writing.database();
+    Statement(database,
+              "UPDATE rollouts SET halted = 1, reason = ? WHERE map = ? AND begun_ns = ?"
+              " AND halted = 0")
         .bind(reason)
         .bind(rollout.map)
         .bind(rollout.begun_ns)
@@ -103,9 +106,9 @@ bool RolloutTable::halt(const Rollout& rollout, std::string_view reason) {
 bool RolloutTable::remove(std::string_view map) {
   return database_->even_when_full([&] {
     Writing writing(*database_);
-    SqliteDatabase& database = writing.database();
+    Database& database = writing.database();
     (void)known_map(database, map);
-    SqliteStatement(database, "DELETE FROM rollouts WHERE map = ?").bind(map).step();
+    Statement(database, "DELETE FROM rollouts WHERE map = ?").bind(map).step();
     const bool was_there = database.changes() > 0;
     writing.commit();
     return was_there;

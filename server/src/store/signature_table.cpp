@@ -4,16 +4,16 @@
 #include <stdexcept>
 #include <string>
 
-#include "store/sqlite_database.hpp"
+#include "store/database.hpp"
 #include "store/store_database.hpp"
 
 namespace stillmap::server {
 namespace {
 
-std::vector<MapSignature> signatures_of(SqliteDatabase& database, std::string_view map,
+std::vector<MapSignature> signatures_of(Database& database, std::string_view map,
                                         std::string_view digest) {
-  SqliteStatement row(
-      database, "SELECT key, signature FROM signatures WHERE map = ? AND package = ? ORDER BY key");
+  Statement row(database,
+                "SELECT key, signature FROM signatures WHERE map = ? AND package = ? ORDER BY key");
   row.bind(map).bind(digest);
   std::vector<MapSignature> signatures;
   while (row.step()) signatures.push_back({row.text(0), row.text(1)});
@@ -41,9 +41,11 @@ void SignatureTable::add(std::string_view map, std::string_view digest,
                                   "' and package " + std::string(digest) +
                                   "; sign this package for this map");
   StoreDatabase::Writing writing(*database_);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   for (const MapSignature& each : signatures)
-    SqliteStatement(database, "INSERT OR REPLACE INTO signatures VALUES (?, ?, ?, ?)")
+    Statement(database,
+              "INSERT INTO signatures (map, package, key, signature) VALUES (?, ?, ?, ?)"
+              " ON CONFLICT (map, package, key) DO UPDATE SET signature = excluded.signature")
         .bind(map)
         .bind(digest)
         .bind(each.key)

@@ -37,12 +37,59 @@ std::string uri_of(const std::filesystem::path& file) {
   return uri;
 }
 
+class SqliteStatement final : public EngineStatement {
+ public:
+  SqliteStatement(SqliteDatabase& database, sqlite3_stmt* statement)
+      : database_(database), statement_(statement) {}
+  ~SqliteStatement() override { sqlite3_finalize(statement_); }
+  SqliteStatement(const SqliteStatement&) = delete;
+  SqliteStatement& operator=(const SqliteStatement&) = delete;
+
+  void bind_text(int parameter, const std::optional<std::string_view>& text) override {
+    // An empty text may have no address, which SQLite takes for NULL.
+    check(text ? sqlite3_bind_text(statement_, parameter, text->empty() ? "" : text->data(),
+                                   static_cast<int>(text->size()), SQLITE_TRANSIENT)
+               : sqlite3_bind_null(statement_, parameter));
+  }
+  void bind_integer(int parameter, const std::optional<std::int64_t>& number) override {
+    check(number ? sqlite3_bind_int64(statement_, parameter, *number)
+                 : sqlite3_bind_null(statement_, parameter));
+  }
+  void bind_real(int parameter, double number) override {
+    check(sqlite3_bind_double(statement_, parameter, number));
+  }
+  bool step() override {
+    const int code = sqlite3_step(statement_);
+    if (code != SQLITE_ROW && code != SQLITE_DONE) database_.fail();
+    return code == SQLITE_ROW;
+  }
+  [[nodiscard]] std::optional<std::string> text(int column) const override {
+    const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+    if (text == nullptr) return std::nullopt;
+    return std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(statement_, column)));
+  }
+  [[nodiscard]] std::optional<std::int64_t> integer(int column) const override {
+    if (sqlite3_column_type(statement_, column) == SQLITE_NULL) return std::nullopt;
+    return sqlite3_column_int64(statement_, column);
+  }
+  [[nodiscard]] double real(int column) const override {
+    return sqlite3_column_double(statement_, column);
+  }
+
+ private:
+  void check(int code) const {
+    if (code != SQLITE_OK) database_.fail();
+  }
+  SqliteDatabase& database_;
+  sqlite3_stmt* statement_;
+};
+
 }  // namespace
 
 SqliteDatabase::SqliteDatabase(const std::filesystem::path& file, DiskCalls& calls, Mode mode)
-    : file_(std::filesystem::absolute(file).lexically_normal()), vfs_(calls) {
+    : name_(std::filesystem::absolute(file).lexically_normal().string()), vfs_(calls) {
   const int code =
-      sqlite3_open_v2(file_.c_str(), &connection_, flags_of(mode), vfs_.name().c_str());
+      sqlite3_open_v2(name_.c_str(), &connection_, flags_of(mode), vfs_.name().c_str());
   try {
     if (code != SQLITE_OK) fail();
     sqlite3_extended_result_codes(connection_, 1);
@@ -51,17 +98,17 @@ SqliteDatabase::SqliteDatabase(const std::filesystem::path& file, DiskCalls& cal
         "PRAGMA foreign_keys=ON; PRAGMA temp_store=MEMORY; PRAGMA mmap_size=0;"
         "PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON; PRAGMA synchronous=FULL;");
     if (mode != Mode::kChange) return;
-    SqliteStatement log(*this, "PRAGMA journal_mode=WAL");
+    Statement log(*this, "PRAGMA journal_mode=WAL");
     if (!log.step() || log.text(0) != "wal")
-      throw maps::StorageError(file_.string(), "its disk does not allow a write-ahead log");
+      throw maps::StorageError(name_, "its disk does not allow a write-ahead log");
   } catch (...) {
     close();
     throw;
   }
 }
 
-SqliteDatabase::SqliteDatabase(Connected, std::filesystem::path file, sqlite3* connection)
-    : file_(std::move(file)), vfs_(DiskCalls::real()), connection_(connection) {}
+SqliteDatabase::SqliteDatabase(Connected, const std::filesystem::path& file, sqlite3* connection)
+    : name_(file.string()), vfs_(DiskCalls::real()), connection_(connection) {}
 
 std::unique_ptr<SqliteDatabase> SqliteDatabase::in_memory(const std::filesystem::path& file) {
   const auto connected = [&](const std::string& name, int flags, const char* vfs) {
@@ -84,7 +131,7 @@ std::unique_ptr<SqliteDatabase> SqliteDatabase::in_memory(const std::filesystem:
   from->copy_to(*memory);
   memory->execute("PRAGMA foreign_keys=ON; PRAGMA temp_store=MEMORY; PRAGMA trusted_schema=OFF;");
   {
-    SqliteStatement check(*memory, "PRAGMA quick_check(1)");
+    Statement check(*memory, "PRAGMA quick_check(1)");
     if (!check.step() || check.text(0) != "ok")
       throw maps::StorageError(file.string(), check.text(0));
   }
@@ -96,7 +143,7 @@ SqliteDatabase::~SqliteDatabase() { close(); }
 void SqliteDatabase::close() { sqlite3_close_v2(std::exchange(connection_, nullptr)); }
 
 void SqliteDatabase::fail() {
-  if (connection_ == nullptr) throw maps::StorageError(file_.string(), "no memory");
+  if (connection_ == nullptr) throw maps::StorageError(name_, "no memory");
   std::string reason = sqlite3_errmsg(connection_);
   const int code = sqlite3_errcode(connection_) & 0xff;
   const bool of_disk = code == SQLITE_IOERR || code == SQLITE_FULL || code == SQLITE_CANTOPEN;
@@ -105,14 +152,12 @@ void SqliteDatabase::fail() {
   if (of_disk && failure != 0) reason += std::string(" (") + std::strerror(failure) + ")";
   // Where the log's index finds no room, SQLite speaks of a failure.
   const bool full = code == SQLITE_FULL || failure == ENOSPC || failure == EDQUOT;
-  if (of_disk && full) throw DiskFull(file_.string(), reason);
-  if (of_disk || code == SQLITE_READONLY) throw DiskRefused(file_.string(), reason);
-  throw maps::StorageError(file_.string(), reason);
+  if (of_disk && full) throw DiskFull(name_, reason);
+  if (of_disk || code == SQLITE_READONLY) throw DiskRefused(name_, reason);
+  throw maps::StorageError(name_, reason);
 }
 
 std::int64_t SqliteDatabase::changes() const { return sqlite3_changes64(connection_); }
-
-std::int64_t SqliteDatabase::inserted() const { return sqlite3_last_insert_rowid(connection_); }
 
 void SqliteDatabase::copy_to(SqliteDatabase& other) {
   sqlite3_backup* copy = sqlite3_backup_init(other.connection_, "main", connection_, "main");
@@ -120,7 +165,7 @@ void SqliteDatabase::copy_to(SqliteDatabase& other) {
   const int code = sqlite3_backup_step(copy, -1);
   const int finished = sqlite3_backup_finish(copy);
   if (finished != SQLITE_OK) other.fail();
-  if (code != SQLITE_DONE) throw maps::StorageError(file_.string(), sqlite3_errstr(code));
+  if (code != SQLITE_DONE) throw maps::StorageError(name_, sqlite3_errstr(code));
 }
 
 void SqliteDatabase::execute(const std::string& sql) {
@@ -128,94 +173,42 @@ void SqliteDatabase::execute(const std::string& sql) {
 }
 
 std::int64_t SqliteDatabase::pragma(const std::string& name) {
-  SqliteStatement statement(*this, "PRAGMA " + name);
+  Statement statement(*this, "PRAGMA " + name);
   return statement.step() ? statement.integer(0) : 0;
 }
 
-SqliteStatement::SqliteStatement(SqliteDatabase& database, std::string_view sql)
-    : database_(database) {
-  check(sqlite3_prepare_v2(database.connection_, sql.data(), static_cast<int>(sql.size()),
-                           &statement_, nullptr));
+std::int64_t SqliteDatabase::last_id(std::string_view table) {
+  Statement row(*this, "SELECT seq FROM sqlite_sequence WHERE name = ?");
+  return row.bind(table).step() ? row.integer(0) : 0;
 }
 
-SqliteStatement::~SqliteStatement() { sqlite3_finalize(statement_); }
-
-void SqliteStatement::check(int code) const {
-  if (code != SQLITE_OK) database_.fail();
+void SqliteDatabase::set_last_id(std::string_view table, std::int64_t id) {
+  Statement(*this, "DELETE FROM sqlite_sequence WHERE name = ?").bind(table).step();
+  Statement(*this, "INSERT INTO sqlite_sequence (name, seq) VALUES (?, ?)")
+      .bind(table)
+      .bind(id)
+      .step();
 }
 
-SqliteStatement& SqliteStatement::bind(std::string_view text) {
-  check(sqlite3_bind_text(statement_, ++bound_, text.data(), static_cast<int>(text.size()),
-                          SQLITE_TRANSIENT));
-  return *this;
+std::unique_ptr<EngineStatement> SqliteDatabase::prepare(std::string_view sql) {
+  sqlite3_stmt* statement = nullptr;
+  if (sqlite3_prepare_v2(connection_, sql.data(), static_cast<int>(sql.size()), &statement,
+                         nullptr) != SQLITE_OK)
+    fail();
+  return std::make_unique<SqliteStatement>(*this, statement);
 }
 
-SqliteStatement& SqliteStatement::bind(std::int64_t number) {
-  check(sqlite3_bind_int64(statement_, ++bound_, number));
-  return *this;
-}
-
-SqliteStatement& SqliteStatement::bind_real(double number) {
-  check(sqlite3_bind_double(statement_, ++bound_, number));
-  return *this;
-}
-
-SqliteStatement& SqliteStatement::bind(const std::optional<std::string>& text) {
-  if (text) return bind(std::string_view(*text));
-  check(sqlite3_bind_null(statement_, ++bound_));
-  return *this;
-}
-
-SqliteStatement& SqliteStatement::bind(const std::optional<std::int64_t>& number) {
-  if (number) return bind(*number);
-  check(sqlite3_bind_null(statement_, ++bound_));
-  return *this;
-}
-
-bool SqliteStatement::step() {
-  const int code = sqlite3_step(statement_);
-  if (code != SQLITE_ROW && code != SQLITE_DONE) database_.fail();
-  return code == SQLITE_ROW;
-}
-
-std::string SqliteStatement::text(int column) const {
-  return optional_text(column).value_or(std::string());
-}
-
-std::optional<std::string> SqliteStatement::optional_text(int column) const {
-  const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
-  if (text == nullptr) return std::nullopt;
-  return std::string(text, static_cast<std::size_t>(sqlite3_column_bytes(statement_, column)));
-}
-
-std::int64_t SqliteStatement::integer(int column) const {
-  return sqlite3_column_int64(statement_, column);
-}
-
-double SqliteStatement::real(int column) const { return sqlite3_column_double(statement_, column); }
-
-std::optional<std::int64_t> SqliteStatement::optional_integer(int column) const {
-  if (sqlite3_column_type(statement_, column) == SQLITE_NULL) return std::nullopt;
-  return integer(column);
-}
-
-SqliteTransaction::SqliteTransaction(SqliteDatabase& database) : database_(database) {
-  if (database.vfs_.sync_failed())
+void SqliteDatabase::begin_writing() {
+  if (vfs_.sync_failed())
     throw maps::StorageError(
-        database.file_.string(),
-        "an earlier sync failed, so nothing more is written; open the store again");
-  database_.execute("BEGIN IMMEDIATE");
+        name_, "an earlier sync failed, so nothing more is written; open the store again");
+  execute("BEGIN IMMEDIATE");
 }
 
-SqliteTransaction::~SqliteTransaction() {
+void SqliteDatabase::roll_back() noexcept {
   // A failed commit may have ended it already.
-  if (open_ && sqlite3_get_autocommit(database_.connection_) == 0)
-    sqlite3_exec(database_.connection_, "ROLLBACK", nullptr, nullptr, nullptr);
-}
-
-void SqliteTransaction::commit() {
-  database_.execute("COMMIT");
-  open_ = false;
+  if (sqlite3_get_autocommit(connection_) == 0)
+    sqlite3_exec(connection_, "ROLLBACK", nullptr, nullptr, nullptr);
 }
 
 }  // namespace stillmap::server

@@ -1,19 +1,18 @@
 #pragma once
 
 #include <stillmap/maps/error.hpp>
+#include "store/database.hpp"
 #include "store/disk_calls.hpp"
 
 #include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
 
 #include "store/sqlite_vfs.hpp"
 
 struct sqlite3;
-struct sqlite3_stmt;
 
 namespace stillmap::server {
 
@@ -24,9 +23,8 @@ class DiskRefused : public maps::StorageError {
   using maps::StorageError::StorageError;
 };
 
-/// One connection, with full syncing. For one thread at a time. Everything throws StorageError with
-/// the file and SQLite's reason.
-class SqliteDatabase {
+/// A connection to SQLite's file, with full syncing.
+class SqliteDatabase final : public Database {
  public:
   enum class Mode : std::uint8_t {
     kChange,   ///< opens the file in WAL mode, or makes it
@@ -38,80 +36,38 @@ class SqliteDatabase {
   /// Reads a file into memory without a lock or any change beside it: for a disk that allows
   /// neither. No-one may be writing it, else it may be found broken.
   static std::unique_ptr<SqliteDatabase> in_memory(const std::filesystem::path& file);
-  ~SqliteDatabase();
-  SqliteDatabase(const SqliteDatabase&) = delete;
-  SqliteDatabase& operator=(const SqliteDatabase&) = delete;
+  ~SqliteDatabase() override;
 
-  /// Runs statements without parameters or rows.
-  void execute(const std::string& sql);
+  [[nodiscard]] const std::string& name() const override { return name_; }
+  void execute(const std::string& sql) override;
+  [[nodiscard]] std::unique_ptr<EngineStatement> prepare(std::string_view sql) override;
+  [[nodiscard]] std::int64_t changes() const override;
+  [[nodiscard]] std::int64_t change_mark() override { return pragma("data_version"); }
+  [[nodiscard]] std::int64_t last_id(std::string_view table) override;
+  void set_last_id(std::string_view table, std::int64_t id) override;
+  /// Takes the write lock. Refused once a sync has failed.
+  void begin_writing() override;
+  void begin_reading() override { execute("BEGIN"); }
+  void commit() override { execute("COMMIT"); }
+  void roll_back() noexcept override;
+
   /// The one integer that a PRAGMA answers.
   [[nodiscard]] std::int64_t pragma(const std::string& name);
-  /// Rows that the latest statement changed, and the id of the row that it inserted.
-  [[nodiscard]] std::int64_t changes() const;
-  [[nodiscard]] std::int64_t inserted() const;
   /// Overwrites another with all that is in this, as of one instant.
   void copy_to(SqliteDatabase& other);
-  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
   /// As those of `SqliteVfs`.
   [[nodiscard]] bool sync_failed() const { return vfs_.sync_failed(); }
   [[nodiscard]] int refused() const { return vfs_.refused(); }
   [[noreturn]] void fail();
 
  private:
-  friend class SqliteStatement;
-  friend class SqliteTransaction;
   struct Connected {};
   /// Takes a connection over. @param connection  may be null: no memory.
-  SqliteDatabase(Connected, std::filesystem::path file, sqlite3* connection);
+  SqliteDatabase(Connected, const std::filesystem::path& file, sqlite3* connection);
   void close();
-  std::filesystem::path file_;
+  std::string name_;
   SqliteVfs vfs_;
   sqlite3* connection_ = nullptr;
-};
-
-/// One statement with its parameters bound in order from 1.
-class SqliteStatement {
- public:
-  SqliteStatement(SqliteDatabase& database, std::string_view sql);
-  ~SqliteStatement();
-  SqliteStatement(const SqliteStatement&) = delete;
-  SqliteStatement& operator=(const SqliteStatement&) = delete;
-
-  SqliteStatement& bind(std::string_view text);
-  SqliteStatement& bind(const std::string& text) { return bind(std::string_view(text)); }
-  SqliteStatement& bind(const char* text) { return bind(std::string_view(text)); }
-  SqliteStatement& bind(std::int64_t number);
-  SqliteStatement& bind(const std::optional<std::int64_t>& number);
-  SqliteStatement& bind(const std::optional<std::string>& text);
-  SqliteStatement& bind_real(double number);
-  /// @return whether there is a row.
-  bool step();
-  /// Columns from 0.
-  [[nodiscard]] std::string text(int column) const;
-  [[nodiscard]] std::optional<std::string> optional_text(int column) const;
-  [[nodiscard]] std::int64_t integer(int column) const;
-  [[nodiscard]] double real(int column) const;
-  [[nodiscard]] std::optional<std::int64_t> optional_integer(int column) const;
-
- private:
-  void check(int code) const;
-  SqliteDatabase& database_;
-  sqlite3_stmt* statement_ = nullptr;
-  int bound_ = 0;
-};
-
-/// Takes the write lock; what is not committed is undone. Refused once a sync has failed.
-class SqliteTransaction {
- public:
-  explicit SqliteTransaction(SqliteDatabase& database);
-  ~SqliteTransaction();
-  SqliteTransaction(const SqliteTransaction&) = delete;
-  SqliteTransaction& operator=(const SqliteTransaction&) = delete;
-  void commit();
-
- private:
-  SqliteDatabase& database_;
-  bool open_ = true;
 };
 
 }  // namespace stillmap::server

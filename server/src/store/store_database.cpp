@@ -9,6 +9,7 @@
 
 #include "store/durable_files.hpp"
 #include "store/schema.hpp"
+#include "store/state_copy.hpp"
 #include "store/store_folder.hpp"
 
 namespace stillmap::server {
@@ -28,6 +29,7 @@ StoreDatabase::StoreDatabase(const fs::path& file, DiskCalls& calls) : file_(fil
 
 void StoreDatabase::only_read(const maps::StorageError& because) {
   reader_.reset();
+  sqlite_ = nullptr;
   database_.reset();
   read_only_because_ = because.what();
   try {
@@ -43,9 +45,30 @@ StoreDatabase::StoreDatabase(const fs::path& file, std::string read_only_because
   read_into_memory();
 }
 
+StoreDatabase::StoreDatabase(const PostgresAddress& address)
+    : calls_(&DiskCalls::real()), watch_(std::make_unique<PostgresWatch>(address)) {
+  auto database = std::make_unique<PostgresDatabase>(address, *watch_);
+  migrate(*database);
+  database_ = std::move(database);
+  reader_ = std::make_unique<PostgresDatabase>(address, *watch_);
+}
+
+void StoreDatabase::copy_to(SqliteDatabase& file) {
+  const ReadingBeside reading(*this);
+  if (sqlite_ != nullptr) {
+    // The reading connection is SQLite's, too.
+    dynamic_cast<SqliteDatabase&>(reading.database()).copy_to(file);
+    return;
+  }
+  migrate(file);
+  copy_state(reading.database(), file);
+}
+
 void StoreDatabase::open() {
-  database_ = std::make_unique<SqliteDatabase>(file_, *calls_);
-  migrate(*database_);
+  auto database = std::make_unique<SqliteDatabase>(file_, *calls_);
+  migrate(*database);
+  sqlite_ = database.get();
+  database_ = std::move(database);
   reader_ = std::make_unique<SqliteDatabase>(file_, *calls_, Mode::kRead);
 }
 
@@ -53,14 +76,16 @@ void StoreDatabase::read_into_memory() {
   std::error_code error;
   if (fs::file_size(file_, error) == 0 || error)
     throw maps::StorageError(file_.string(), "nothing there to read");
-  database_ = SqliteDatabase::in_memory(file_);
-  migrate(*database_);
+  auto database = SqliteDatabase::in_memory(file_);
+  migrate(*database);
+  sqlite_ = database.get();
+  database_ = std::move(database);
 }
 
 fs::path StoreDatabase::ballast() const { return file_.parent_path() / kBallastName; }
 
 void StoreDatabase::keep_ballast() const {
-  if (!read_only_because_.empty()) return;
+  if (sqlite_ == nullptr || !read_only_because_.empty()) return;
   // Half made by another thread, it would look like one that a killed process has left.
   const std::scoped_lock one_at_a_time(ballast_mutex_);
   // A removal takes some pages of 4 KiB in the log.
@@ -90,6 +115,7 @@ void StoreDatabase::keep_ballast() const {
 }
 
 void StoreDatabase::drop_ballast() {
+  if (sqlite_ == nullptr) return;
   try {
     const std::scoped_lock one_at_a_time(ballast_mutex_);
     DurableFiles(*calls_).remove_file(ballast());
@@ -107,13 +133,14 @@ void StoreDatabase::drop_ballast() {
 
 std::string StoreDatabase::not_writable_because() const {
   if (!read_only_because_.empty()) return "it is open for reading only: " + read_only_because_;
-  if (database_->sync_failed()) return "a sync of its disk has failed";
-  const int refused = database_->refused();
+  if (watch_) return watch_->is_away() ? "PostgreSQL, which holds its state, is away" : "";
+  if (sqlite_->sync_failed()) return "a sync of its disk has failed";
+  const int refused = sqlite_->refused();
   return refused == 0 ? ""
                       : std::string("its disk refused the latest one: ") + std::strerror(refused);
 }
 
-SqliteDatabase& StoreDatabase::writable() {
+Database& StoreDatabase::writable() {
   if (read_only_because_.empty()) return *database_;
   throw maps::StorageError(file_.string(), "open for reading only: " + read_only_because_);
 }

@@ -8,29 +8,33 @@
 #include <mutex>
 #include <string>
 
+#include "store/postgres_database.hpp"
 #include "store/sqlite_database.hpp"
 
 namespace stillmap::server {
 
-/// A store's database, shared by those who keep a table of it: one connection that changes it, and
-/// one that only reads, so that a check of a key never waits for a commit's sync.
+/// A store's database, in SQLite or PostgreSQL, shared by those who keep a table of it: one
+/// connection that changes it, and one that only reads, so that a check of a key never waits for a
+/// commit's sync.
 class StoreDatabase {
  public:
   /// As the constructors of `StoreState`.
   StoreDatabase(const std::filesystem::path& file, DiskCalls& calls);
   StoreDatabase(const std::filesystem::path& file, std::string read_only_because);
+  explicit StoreDatabase(const PostgresAddress& address);
 
+  [[nodiscard]] bool is_sqlite() const { return sqlite_ != nullptr; }
   [[nodiscard]] const std::string& read_only_because() const { return read_only_because_; }
 
   /// Reads from the connection that changes, so that a caller sees what it did.
   class Reading {
    public:
     explicit Reading(StoreDatabase& owner) : lock_(owner.mutex_), database_(*owner.database_) {}
-    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+    [[nodiscard]] Database& database() const { return database_; }
 
    private:
     std::scoped_lock<std::mutex> lock_;
-    SqliteDatabase& database_;
+    Database& database_;
   };
 
   /// Reads what is committed, beside a writer.
@@ -39,11 +43,11 @@ class StoreDatabase {
     explicit ReadingBeside(StoreDatabase& owner)
         : lock_(owner.reader_ ? owner.reader_mutex_ : owner.mutex_),
           database_(owner.reader_ ? *owner.reader_ : *owner.database_) {}
-    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+    [[nodiscard]] Database& database() const { return database_; }
 
    private:
     std::scoped_lock<std::mutex> lock_;
-    SqliteDatabase& database_;
+    Database& database_;
   };
 
   /// A transaction; undone unless committed. @throws StorageError when it is open for reading only.
@@ -51,13 +55,13 @@ class StoreDatabase {
    public:
     explicit Writing(StoreDatabase& owner)
         : lock_(owner.mutex_), database_(owner.writable()), transaction_(database_) {}
-    [[nodiscard]] SqliteDatabase& database() const { return database_; }
+    [[nodiscard]] Database& database() const { return database_; }
     void commit() { transaction_.commit(); }
 
    private:
     std::scoped_lock<std::mutex> lock_;
-    SqliteDatabase& database_;
-    SqliteTransaction transaction_;
+    Database& database_;
+    Transaction transaction_;
   };
 
   /// For what removes or revokes: on a full disk the ballast is removed, and it is tried once more.
@@ -71,6 +75,8 @@ class StoreDatabase {
     }
     return change();
   }
+  /// Writes all of it into a new file of SQLite's.
+  void copy_to(SqliteDatabase& file);
   /// Makes the ballast, a file that holds some room of the disk for `even_when_full`, unless it is
   /// there, or there is no room for it or the disk takes no writes.
   void keep_ballast() const;
@@ -83,17 +89,21 @@ class StoreDatabase {
   [[nodiscard]] std::filesystem::path ballast() const;
   void only_read(const maps::StorageError& because);
   void read_into_memory();
-  [[nodiscard]] SqliteDatabase& writable();
+  [[nodiscard]] Database& writable();
 
+  /// Empty for PostgreSQL.
   std::filesystem::path file_;
   DiskCalls* calls_;
   std::string read_only_because_;
   std::mutex mutex_, reader_mutex_;
   mutable std::mutex ballast_mutex_;
-  std::unique_ptr<SqliteDatabase> database_;
+  std::unique_ptr<PostgresWatch> watch_;
+  std::unique_ptr<Database> database_;
+  /// The same; null for PostgreSQL.
+  SqliteDatabase* sqlite_ = nullptr;
   /// Closed first: the last one open folds the log into the file, and this one may not. Null where
   /// the database is in memory.
-  std::unique_ptr<SqliteDatabase> reader_;
+  std::unique_ptr<Database> reader_;
 };
 
 }  // namespace stillmap::server

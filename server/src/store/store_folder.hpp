@@ -12,6 +12,10 @@ namespace stillmap::server {
 /// Names in a store's folder (server/store.md), and how they are looked up.
 
 constexpr const char* kStateName = "state.db";
+/// Where the state is in PostgreSQL: its address stands here, and there is no `kStateName`.
+constexpr const char* kStateAddressName = "state.address";
+/// What is left of a state that was moved there.
+constexpr const char* kMovedStateName = "state.db.moved";
 constexpr const char* kLockName = ".lock";
 /// Room on the disk, for removals when it is full.
 constexpr const char* kBallastName = ".ballast";

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "store/map_rows.hpp"
+#include "store/postgres_database.hpp"
 #include "store/store_database.hpp"
 
 namespace stillmap::server {
@@ -24,32 +25,34 @@ void check_revision(const StoredMap& map, std::optional<std::int64_t> revision) 
                                                  std::to_string(*revision));
 }
 
-StoredMap point_to(SqliteDatabase& database, StoredMap map, const std::string& version,
+StoredMap point_to(Database& database, StoredMap map, const std::string& version,
                    std::optional<std::int64_t> now_ns) {
   map.previous = std::exchange(map.active, version);
   ++map.revision;
-  SqliteStatement(database, "UPDATE maps SET active = ?, previous = ?, revision = ? WHERE name = ?")
+  Statement(database, "UPDATE maps SET active = ?, previous = ?, revision = ? WHERE name = ?")
       .bind(map.active)
       .bind(map.previous)
       .bind(map.revision)
       .bind(map.name)
       .step();
-  SqliteStatement(database, "INSERT INTO activations VALUES (?, ?, ?, ?)")
+  Statement(database,
+            "INSERT INTO activations (map, revision, version, time_ns) VALUES (?, ?, ?, ?)")
       .bind(map.name)
       .bind(map.revision)
       .bind(version)
       .bind(now_ns ? *now_ns : unix_ns())
       .step();
   // Completed, or compared with what is not active any more.
-  SqliteStatement(database, "DELETE FROM rollouts WHERE map = ?").bind(map.name).step();
+  Statement(database, "DELETE FROM rollouts WHERE map = ?").bind(map.name).step();
   return map;
 }
 
-bool insert_map(SqliteDatabase& database, std::string_view name, std::int64_t now_ns) {
+bool insert_map(Database& database, std::string_view name, std::int64_t now_ns) {
   // A removed map of this name is told from this one by its revisions.
-  SqliteStatement(database,
-                  "INSERT OR IGNORE INTO maps (name, created_ns, revision) VALUES (?, ?,"
-                  " coalesce((SELECT revision + 1 FROM retired_maps WHERE name = ?), 0))")
+  Statement(database,
+            "INSERT INTO maps (name, created_ns, revision) VALUES (?, ?,"
+            " coalesce((SELECT revision + 1 FROM retired_maps WHERE name = ?), 0))"
+            " ON CONFLICT DO NOTHING")
       .bind(name)
       .bind(now_ns)
       .bind(name)
@@ -57,43 +60,42 @@ bool insert_map(SqliteDatabase& database, std::string_view name, std::int64_t no
   return database.changes() > 0;
 }
 
-void refuse_if_in_use(SqliteDatabase& database, std::string_view map) {
-  SqliteStatement drive(database,
-                        "SELECT version FROM drives WHERE map = ? AND (version IS NULL OR status ="
-                        " 'open')");
+void refuse_if_in_use(Database& database, std::string_view map) {
+  Statement drive(database,
+                  "SELECT version FROM drives WHERE map = ? AND (version IS NULL OR status ="
+                  " 'open')");
   if (drive.bind(map).step())
     throw StoreRefusal(Reason::kInUse,
                        "map " + in_quotes(map) +
                            (drive.optional_text(0) ? " has an upload under way" : " has drives"));
-  SqliteStatement job(database,
-                      "SELECT id FROM jobs WHERE map = ? AND status IN ('enqueued', 'processing')");
+  Statement job(database,
+                "SELECT id FROM jobs WHERE map = ? AND status IN ('enqueued', 'processing')");
   if (job.bind(map).step())
     throw StoreRefusal(Reason::kInUse, "job " + job.text(0) + " is for map " + in_quotes(map));
 }
 
-void refuse_if_rolled_out(SqliteDatabase& database, std::string_view map,
-                          std::string_view version) {
-  SqliteStatement row(database, "SELECT 1 FROM rollouts WHERE map = ? AND version = ?");
+void refuse_if_rolled_out(Database& database, std::string_view map, std::string_view version) {
+  Statement row(database, "SELECT 1 FROM rollouts WHERE map = ? AND version = ?");
   if (!row.bind(map).bind(version).step()) return;
   throw StoreRefusal(Reason::kActive, "version " + in_quotes(version) + " of map " +
                                           in_quotes(map) +
                                           " is rolled out: end the roll-out first");
 }
 
-std::optional<std::string> retired_digest(SqliteDatabase& database, std::string_view map,
+std::optional<std::string> retired_digest(Database& database, std::string_view map,
                                           std::string_view version) {
-  SqliteStatement row(database, "SELECT digest FROM retired WHERE map = ? AND version = ?");
+  Statement row(database, "SELECT digest FROM retired WHERE map = ? AND version = ?");
   if (!row.bind(map).bind(version).step()) return std::nullopt;
   return row.text(0);
 }
 
-bool is_same_package(SqliteDatabase& database, std::string_view one, std::string_view other) {
+bool is_same_package(Database& database, std::string_view one, std::string_view other) {
   return current_digest(database, one) == current_digest(database, other);
 }
 
 /// Whoever has kept an answer about a version keeps it for ever, so its name means one thing for
 /// ever.
-void refuse_retired(SqliteDatabase& database, std::string_view map, const StoredVersion& version) {
+void refuse_retired(Database& database, std::string_view map, const StoredVersion& version) {
   const std::optional<std::string> digest = retired_digest(database, map, version.name);
   if (!digest || is_same_package(database, *digest, version.digest)) return;
   throw StoreRefusal(Reason::kOtherDigest, "version " + in_quotes(version.name) + " of map " +
@@ -103,7 +105,7 @@ void refuse_retired(SqliteDatabase& database, std::string_view map, const Stored
 }
 
 /// @return whether the same is there already.
-bool refuse_version(SqliteDatabase& database, std::string_view map, const StoredVersion& version,
+bool refuse_version(Database& database, std::string_view map, const StoredVersion& version,
                     const StoreQuota& quota) {
   if (const auto known = find_version(database, map, version.name)) {
     if (is_same_package(database, known->digest, version.digest)) return true;
@@ -116,25 +118,26 @@ bool refuse_version(SqliteDatabase& database, std::string_view map, const Stored
 }
 
 /// Beside the version itself: whoever cancels the job comes before both, or is refused.
-void note_published(SqliteDatabase& database, std::int64_t job, const std::string& version) {
-  SqliteStatement(database,
-                  "UPDATE jobs SET result_version = ? WHERE id = ? AND status = 'processing'"
-                  " AND cancel_requested = 0")
+void note_published(Database& database, const JobClaim& job, const std::string& version) {
+  Statement(database,
+            "UPDATE jobs SET result_version = ? WHERE id = ? AND attempts = ?"
+            " AND status = 'processing' AND cancel_requested = 0")
       .bind(version)
-      .bind(job)
+      .bind(job.id)
+      .bind(job.attempt)
       .step();
   if (database.changes() > 0) return;
   throw StoreRefusal(Reason::kNotProcessing,
-                     "job " + std::to_string(job) + " is cancelled: it publishes nothing");
+                     "job " + std::to_string(job.id) +
+                         " is cancelled, or done by another attempt: this one publishes nothing");
 }
 
 }  // namespace
 
 struct StoreState::Inner {
-  /// @param second  as that of `StoreDatabase`.
-  template <typename Second>
-  Inner(const std::filesystem::path& file, Second&& second)
-      : database(file, std::forward<Second>(second)) {}
+  /// @param where  as for `StoreDatabase`.
+  template <typename... Where>
+  explicit Inner(Where&&... where) : database(std::forward<Where>(where)...) {}
   StoreDatabase database;
   KeyTable keys{database};
   JobTable jobs{database};
@@ -151,7 +154,11 @@ StoreState::StoreState(const std::filesystem::path& file, DiskCalls& calls)
 StoreState::StoreState(const std::filesystem::path& file, const ReadOnly& why)
     : inner_(std::make_unique<Inner>(file, why.because)) {}
 
+StoreState::StoreState(const PostgresAddress& address) : inner_(std::make_unique<Inner>(address)) {}
+
 StoreState::~StoreState() = default;
+
+bool StoreState::is_shared() const { return !inner_->database.is_sqlite(); }
 
 KeyTable& StoreState::keys() { return inner_->keys; }
 JobTable& StoreState::jobs() { return inner_->jobs; }
@@ -218,7 +225,7 @@ std::string StoreState::current_digest(std::string_view digest) const {
 
 std::string StoreState::first_digest(const std::string& digest) const {
   const Reading reading(inner_->database);
-  SqliteStatement row(reading.database(), "SELECT min(former) FROM migrated WHERE digest = ?");
+  Statement row(reading.database(), "SELECT min(former) FROM migrated WHERE digest = ?");
   row.bind(digest).step();
   return row.optional_text(0).value_or(digest);
 }
@@ -259,7 +266,7 @@ bool StoreState::create_map(std::string_view name, std::int64_t now_ns) {
 void StoreState::remove_map(std::string_view name, WhenActive when_active) {
   inner_->database.even_when_full([&] {
     Writing writing(inner_->database);
-    SqliteDatabase& database = writing.database();
+    Database& database = writing.database();
     const StoredMap map = known_map(database, name);
     if (map.active && when_active == WhenActive::kRefuse)
       throw StoreRefusal(Reason::kActive, "version " + in_quotes(*map.active) + " of map " +
@@ -269,37 +276,41 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
     for (const StoredVersion& version : versions_of(database, name)) digests.insert(version.digest);
     for (const char* sql :
          {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
-          "INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions WHERE map = ?",
-          "INSERT OR REPLACE INTO retired_maps SELECT name, revision FROM maps WHERE name = ?",
+          "INSERT INTO retired (map, version, digest) SELECT map, name, digest FROM versions WHERE "
+          "map = ?"
+          " ON CONFLICT DO NOTHING",
+          "INSERT INTO retired_maps (name, revision) SELECT name, revision FROM maps WHERE name = ?"
+          " ON CONFLICT (name) DO UPDATE SET revision = excluded.revision",
           "DELETE FROM rollouts WHERE map = ?", "DELETE FROM versions WHERE map = ?",
           "DELETE FROM saved_edits WHERE map = ?", "DELETE FROM activations WHERE map = ?",
           "DELETE FROM signatures WHERE map = ?",
           "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",
           "DELETE FROM drives WHERE map = ?", "DELETE FROM maps WHERE name = ?"})
-      SqliteStatement(database, sql).bind(name).step();
+      Statement(database, sql).bind(name).step();
     for (const std::string& digest : digests) condemn_unused(database, digest);
     writing.commit();
   });
 }
 
 bool StoreState::add_version(std::string_view map, const StoredVersion& version,
-                             const StoreQuota& quota, std::optional<std::int64_t> job) {
+                             const StoreQuota& quota, const std::optional<JobClaim>& job) {
   Writing writing(inner_->database);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   if (job) note_published(database, *job, version.name);
   if (refuse_version(database, map, version, quota)) {
     writing.commit();
     return false;
   }
   insert_map(database, map, version.created_ns);
-  SqliteStatement(database, "INSERT INTO versions VALUES (?, ?, ?, ?, ?)")
+  Statement(database,
+            "INSERT INTO versions (map, name, digest, bytes, created_ns) VALUES (?, ?, ?, ?, ?)")
       .bind(map)
       .bind(version.name)
       .bind(version.digest)
       .bind(static_cast<std::int64_t>(version.bytes))
       .bind(version.created_ns)
       .step();
-  SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(version.digest).step();
+  Statement(database, "DELETE FROM condemned WHERE digest = ?").bind(version.digest).step();
   add_files(database, version);
   writing.commit();
   return true;
@@ -309,7 +320,7 @@ StoredMap StoreState::activate(std::string_view map, std::string_view version,
                                std::optional<std::int64_t> revision,
                                std::optional<std::int64_t> now_ns) {
   Writing writing(inner_->database);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   StoredMap now = known_map(database, map);
   check_revision(now, revision);
   (void)known_version(database, map, version);
@@ -322,7 +333,7 @@ StoredMap StoreState::activate(std::string_view map, std::string_view version,
 StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t> revision,
                                 std::optional<std::int64_t> now_ns) {
   Writing writing(inner_->database);
-  SqliteDatabase& database = writing.database();
+  Database& database = writing.database();
   const StoredMap now = known_map(database, map);
   check_revision(now, revision);
   if (!now.previous)
@@ -336,9 +347,9 @@ StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t
 std::string StoreState::active_at(std::string_view map, std::int64_t time_ns) const {
   const Reading reading(inner_->database);
   (void)known_map(reading.database(), map);
-  SqliteStatement row(reading.database(),
-                      "SELECT version FROM activations WHERE map = ? AND time_ns <= ?"
-                      " ORDER BY revision DESC LIMIT 1");
+  Statement row(reading.database(),
+                "SELECT version FROM activations WHERE map = ? AND time_ns <= ?"
+                " ORDER BY revision DESC LIMIT 1");
   if (!row.bind(map).bind(time_ns).step())
     throw StoreRefusal(Reason::kUnknownVersion, "map " + in_quotes(map) +
                                                     " had no active version at that time: ask for "
@@ -349,21 +360,21 @@ std::string StoreState::active_at(std::string_view map, std::int64_t time_ns) co
 void StoreState::remove_version(std::string_view map, std::string_view version) {
   inner_->database.even_when_full([&] {
     Writing writing(inner_->database);
-    SqliteDatabase& database = writing.database();
+    Database& database = writing.database();
     const StoredMap now = known_map(database, map);
     const StoredVersion gone = known_version(database, map, version);
     if (now.active == version)
       throw StoreRefusal(Reason::kActive, "version " + in_quotes(version) + " of map " +
                                               in_quotes(map) + " is active");
     refuse_if_rolled_out(database, map, version);
-    SqliteStatement(database, "UPDATE maps SET previous = NULL WHERE name = ? AND previous = ?")
+    Statement(database, "UPDATE maps SET previous = NULL WHERE name = ? AND previous = ?")
         .bind(map)
         .bind(version)
         .step();
-    for (const char* sql : {"INSERT OR IGNORE INTO retired SELECT map, name, digest FROM versions "
-                            "WHERE map = ? AND name = ?",
+    for (const char* sql : {"INSERT INTO retired (map, version, digest) SELECT map, name, digest"
+                            " FROM versions WHERE map = ? AND name = ? ON CONFLICT DO NOTHING",
                             "DELETE FROM versions WHERE map = ? AND name = ?"})
-      SqliteStatement(database, sql).bind(map).bind(version).step();
+      Statement(database, sql).bind(map).bind(version).step();
     condemn_unused(database, gone.digest);
     writing.commit();
   });
@@ -372,22 +383,24 @@ void StoreState::remove_version(std::string_view map, std::string_view version) 
 void StoreState::replace_package(std::string_view former, const StoredVersion& converted) {
   const std::string& digest = converted.digest;
   Writing writing(inner_->database);
-  SqliteDatabase& database = writing.database();
-  SqliteStatement(database, "UPDATE versions SET digest = ?, bytes = ? WHERE digest = ?")
+  Database& database = writing.database();
+  Statement(database, "UPDATE versions SET digest = ?, bytes = ? WHERE digest = ?")
       .bind(digest)
       .bind(static_cast<std::int64_t>(converted.bytes))
       .bind(former)
       .step();
   // What it went by before that.
-  SqliteStatement(database, "UPDATE migrated SET digest = ? WHERE digest = ?")
+  Statement(database, "UPDATE migrated SET digest = ? WHERE digest = ?")
       .bind(digest)
       .bind(former)
       .step();
-  SqliteStatement(database, "INSERT OR REPLACE INTO migrated VALUES (?, ?)")
+  Statement(database,
+            "INSERT INTO migrated (former, digest) VALUES (?, ?)"
+            " ON CONFLICT (former) DO UPDATE SET digest = excluded.digest")
       .bind(former)
       .bind(digest)
       .step();
-  SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
+  Statement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
   add_files(database, converted);
   condemn_unused(database, former);
   writing.commit();
@@ -395,9 +408,9 @@ void StoreState::replace_package(std::string_view former, const StoredVersion& c
 
 std::vector<std::string> StoreState::packages_without_files() const {
   const Reading reading(inner_->database);
-  SqliteStatement row(reading.database(),
-                      "SELECT DISTINCT digest FROM versions"
-                      " WHERE digest NOT IN (SELECT package FROM package_files)");
+  Statement row(reading.database(),
+                "SELECT DISTINCT digest FROM versions"
+                " WHERE digest NOT IN (SELECT package FROM package_files)");
   std::vector<std::string> digests;
   while (row.step()) digests.push_back(row.text(0));
   return digests;
@@ -424,7 +437,7 @@ std::string StoreState::not_writable_because() const {
 
 std::vector<std::string> StoreState::condemned() const {
   const Reading reading(inner_->database);
-  SqliteStatement row(reading.database(), "SELECT digest FROM condemned ORDER BY digest");
+  Statement row(reading.database(), "SELECT digest FROM condemned ORDER BY digest");
   std::vector<std::string> digests;
   while (row.step()) digests.push_back(row.text(0));
   return digests;
@@ -433,8 +446,8 @@ std::vector<std::string> StoreState::condemned() const {
 void StoreState::forget_condemned(std::string_view digest) {
   inner_->database.even_when_full([&] {
     Writing writing(inner_->database);
-    SqliteDatabase& database = writing.database();
-    SqliteStatement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
+    Database& database = writing.database();
+    Statement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
     writing.commit();
   });
 }
@@ -442,10 +455,11 @@ void StoreState::forget_condemned(std::string_view digest) {
 std::vector<std::string> StoreState::problems() const {
   const Reading reading(inner_->database);
   std::vector<std::string> problems;
-  SqliteStatement row(reading.database(), "PRAGMA integrity_check");
+  if (!inner_->database.is_sqlite()) return problems;
+  Statement row(reading.database(), "PRAGMA integrity_check");
   while (row.step())
     if (row.text(0) != "ok") problems.push_back(row.text(0));
-  SqliteStatement keys(reading.database(), "PRAGMA foreign_key_check");
+  Statement keys(reading.database(), "PRAGMA foreign_key_check");
   while (keys.step()) problems.push_back("a row of " + keys.text(0) + " points to nothing");
   return problems;
 }
@@ -453,18 +467,15 @@ std::vector<std::string> StoreState::problems() const {
 void StoreState::write_backup(const std::filesystem::path& file, std::int64_t now_ns,
                               DiskCalls& calls) const {
   SqliteDatabase copy(file, calls, SqliteDatabase::Mode::kNewFile);
-  {
-    const StoreDatabase::ReadingBeside reading(inner_->database);
-    reading.database().copy_to(copy);
-  }
+  inner_->database.copy_to(copy);
   // The copy says that it has a log, as the original has.
   copy.execute("PRAGMA journal_mode=DELETE");
-  SqliteTransaction transaction(copy);
+  Transaction transaction(copy);
   copy.execute("DELETE FROM drive_parts; DELETE FROM drives;");
-  SqliteStatement(copy,
-                  "UPDATE jobs SET status = 'failed', finished_ns = ?, cancel_requested = 0,"
-                  " error = 'the store was restored from a backup, which holds no drives'"
-                  " WHERE status IN ('enqueued', 'processing')")
+  Statement(copy,
+            "UPDATE jobs SET status = 'failed', finished_ns = ?, cancel_requested = 0,"
+            " error = 'the store was restored from a backup, which holds no drives'"
+            " WHERE status IN ('enqueued', 'processing')")
       .bind(now_ns)
       .step();
   transaction.commit();

@@ -23,6 +23,8 @@
 
 namespace stillmap::server {
 
+class PostgresAddress;
+
 /// Bytes of files by their SHA-256, hex.
 using FileBytes = std::map<std::string, std::uint64_t>;
 
@@ -61,7 +63,8 @@ struct StoredMap {
 enum class WhenActive : std::uint8_t { kRefuse, kRemove };
 
 /// Names, versions and active pointers of a store, and its keys, jobs, drives, saved corrections,
-/// roll-outs and audit log, in one database that outlives a power cut: what returned is kept. Knows
+/// roll-outs and audit log, in one database, SQLite's or PostgreSQL's, that outlives a power cut:
+/// what returned is kept. Knows
 /// nothing of packages on the disk. Safe from several threads, and several processes may have it
 /// open. Throws StorageError when the disk fails; a change has then not happened, or (a failed
 /// sync) may show after the next open.
@@ -77,10 +80,15 @@ class StoreState {
     std::string because;
   };
   StoreState(const std::filesystem::path& file, const ReadOnly& why);
+  /// In PostgreSQL, shared by servers on several machines; made there when it is not there yet.
+  /// @throws StateAway when it cannot be reached.
+  explicit StoreState(const PostgresAddress& address);
   ~StoreState();
   StoreState(const StoreState&) = delete;
   StoreState& operator=(const StoreState&) = delete;
 
+  /// Whether servers with folders of their own may share it.
+  [[nodiscard]] bool is_shared() const;
   /// Why it is in memory only; empty when it is not.
   [[nodiscard]] const std::string& read_only_because() const;
 
@@ -131,7 +139,7 @@ class StoreState {
   /// @return false when the same is there already. @throws StoreRefusal kOtherDigest, kOverQuota,
   /// kNotProcessing when the job is cancelled.
   bool add_version(std::string_view map, const StoredVersion& version, const StoreQuota& quota = {},
-                   std::optional<std::int64_t> job = {});
+                   const std::optional<JobClaim>& job = {});
   /// What is active already stays so, with its revision. A roll-out of the map ends.
   /// @param revision  only when the map is still at it. @param now_ns  the clock's unless it is
   /// said. @return the map afterwards.
@@ -193,7 +201,7 @@ class StoreState {
   void write_backup(const std::filesystem::path& file, std::int64_t now_ns,
                     DiskCalls& calls = DiskCalls::real()) const;
 
-  /// What SQLite finds wrong with the database; empty when sound.
+  /// What SQLite finds wrong with the database; empty when sound. PostgreSQL checks its own.
   [[nodiscard]] std::vector<std::string> problems() const;
 
  private:

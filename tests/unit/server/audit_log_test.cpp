@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "support/disk_calls.hpp"
+#include "support/states.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
 
@@ -43,7 +44,7 @@ class AuditLogTest : public ::testing::Test {
   TemporaryFolder folder_;
   UnsyncedCalls unsynced_;
   std::filesystem::path file_ = folder_.path() / "state.db";
-  StoreState state_{file_, unsynced_};
+  StoreState state_ = test::state_at(file_, unsynced_);
   AuditLog& log_ = state_.audit();
 };
 
@@ -62,6 +63,7 @@ TEST_F(AuditLogTest, KeepsEveryWriteNewestFirst) {
 }
 
 TEST_F(AuditLogTest, CannotBeChangedEvenBySql) {
+  if (test::states_are_in_postgres()) GTEST_SKIP() << "PostgresStateTest has its own";
   log_.append(record(1));
   sqlite3* database = nullptr;
   ASSERT_EQ(sqlite3_open(file_.c_str(), &database), SQLITE_OK);
@@ -137,7 +139,7 @@ TEST_F(AuditLogTest, ChainGoesOnWhereRetentionHasRemovedItsBeginning) {
 
 TEST_F(AuditLogTest, TwoServersOnOneStoreMakeOneChain) {
   constexpr int kEach = 40;
-  StoreState other(file_, unsynced_);
+  StoreState other = test::state_at(file_, unsynced_);
   std::thread beside([&] {
     for (int i = 0; i < kEach; ++i) other.audit().append(record(i));
   });

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "support/disk_calls.hpp"
+#include "support/states.hpp"
 #include "support/store_refusals.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -28,7 +29,7 @@ class DriveTableTest : public ::testing::Test {
 
   TemporaryFolder folder_;
   UnsyncedCalls unsynced_;
-  StoreState state_{folder_.path() / "state.db", unsynced_};
+  StoreState state_ = test::state_at(folder_.path() / "state.db", unsynced_);
   DriveTable& drives_ = state_.drives();
 };
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "support/disk_calls.hpp"
+#include "support/states.hpp"
 #include "support/store_refusals.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -26,7 +27,7 @@ class EditsTableTest : public ::testing::Test {
   TemporaryFolder folder_;
   UnsyncedCalls unsynced_;
   std::filesystem::path file_ = folder_.path() / "state.db";
-  std::unique_ptr<StoreState> state_ = std::make_unique<StoreState>(file_, unsynced_);
+  std::unique_ptr<StoreState> state_{new StoreState(test::state_at(file_, unsynced_))};
 };
 
 TEST_F(EditsTableTest, NoneAreSavedAtFirst) {
@@ -43,7 +44,7 @@ TEST_F(EditsTableTest, OutliveTheProcess) {
   EXPECT_EQ(saved.saved_ns, 7);
   EXPECT_EQ(saved.saver, "key");
   state_.reset();
-  EXPECT_EQ(StoreState(file_, unsynced_).edits().of_map("town"), saved);
+  EXPECT_EQ(test::state_at(file_, unsynced_).edits().of_map("town"), saved);
 }
 
 TEST_F(EditsTableTest, OfWhoeverLookedBeforeAChangeAreRefused) {

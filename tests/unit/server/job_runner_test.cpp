@@ -38,7 +38,8 @@ class JobsOfARunner : public JobTest {
   }
   void run_jobs(PackageStore& store) {
     const auto pause = std::chrono::milliseconds(1);
-    jobs_.emplace(JobSetup{live_, store, *drives_, *catalog_, metrics_, mapper_, pause});
+    jobs_.emplace(
+        JobSetup{live_, store, *drives_, *catalog_, metrics_, mapper_, pause, silent_after_});
   }
   void ask_for_rebuild() {
     RebuildRequest request;
@@ -66,6 +67,7 @@ class JobsOfARunner : public JobTest {
     return end.job;
   }
 
+  std::chrono::milliseconds silent_after_ = std::chrono::seconds(30);
   /// When the version that a job made is loaded.
   std::function<void()> on_load_;
   /// Of the job that has ended.
@@ -214,6 +216,27 @@ TEST_F(JobsOfARunner, BelongToOneServerOfTheStoreWhereverEachOneWorks) {
   EXPECT_EQ(end_of(1).job.status, JobStatus::kSucceeded);
 }
 
+TEST_F(JobsOfARunner, AreTakenOverOnceFromWhoeverIsSilent) {
+  silent_after_ = std::chrono::milliseconds(300);
+  write_mapper("echo x >> $0.runs; while [ ! -e $0.go ]; do sleep 0.01; done; publish");
+  start_runner(store_.open());
+  ask_for_rebuild();
+  const std::string runs = mapper_.string() + ".runs";
+  while (!std::filesystem::exists(runs)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  // Another server that has heard nothing of this one takes the job, and falls silent itself.
+  JobTable& jobs = store_.open().jobs();
+  while (!jobs.put_back_silent(jobs.beats().at(0), "silent", 1)) continue;
+  std::optional<StoredJob> theirs;
+  while (!theirs) theirs = jobs.claim(2, "other");
+  EXPECT_EQ(theirs->attempts, 2);
+  while (jobs.job(1).attempts == 2) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  std::ofstream(mapper_.string() + ".go") << "x";
+  const StoredJob end = end_of(1).job;
+  EXPECT_EQ(end.status, JobStatus::kSucceeded);
+  EXPECT_EQ(end.attempts, 3);
+  EXPECT_EQ(std::filesystem::file_size(runs), 4U) << "the mapper ran twice here";
+}
+
 TEST_F(JobsOfARunner, GoOnBehindOneThatAnotherServerHasEnded) {
   write_mapper(
       "case $out in */1/*) touch $0.runs; while [ ! -e $0.go ]; do sleep 0.01; done;; esac; "
@@ -222,7 +245,8 @@ TEST_F(JobsOfARunner, GoOnBehindOneThatAnotherServerHasEnded) {
   ask_for_rebuild();
   while (!std::filesystem::exists(mapper_.string() + ".runs"))
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  store_.open().jobs().fail(1, "by another server", 1);
+  auto& jobs = store_.open().jobs();
+  jobs.fail(jobs.job(1), "by another server", 1);
   std::ofstream(mapper_.string() + ".go") << "x";
   ask_for_rebuild();
   EXPECT_EQ(end_of(2).job.status, JobStatus::kSucceeded);
@@ -262,7 +286,7 @@ TEST_F(JobsOfARunner, TellWhenADriveWasUsedAsLongAsItIsThere) {
   const auto day = [&](int days) { return came_ns + days * std::int64_t{86'400'000'000'000}; };
   jobs.enqueue({.map = "town", .request = "{}", .drives = {1}}, day(70));
   jobs.claim(day(70));
-  jobs.fail(1, "x", day(80));
+  jobs.fail(jobs.job(1), "x", day(80));
   run_jobs(store_.open());
   const RetentionOptions retention{
       .versions = 0, .job_days = 30, .audit_days = 0, .drive_days = 90};

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "support/disk_calls.hpp"
+#include "support/states.hpp"
 #include "support/store_refusals.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -42,7 +43,7 @@ class JobTableTest : public ::testing::Test {
   TemporaryFolder folder_;
   UnsyncedCalls unsynced_;
   std::filesystem::path file_ = folder_.path() / "state.db";
-  StoreState state_{file_, unsynced_};
+  StoreState state_ = test::state_at(file_, unsynced_);
   JobTable& jobs_ = state_.jobs();
   std::int64_t now_ = 100;
 };
@@ -63,13 +64,13 @@ TEST_F(JobTableTest, TakesAJobFromTheQueueToItsEnd) {
   EXPECT_EQ(claimed->attempts, 1);
   EXPECT_EQ(claimed->started_ns, 6);
   EXPECT_FALSE(jobs_.claim(6));
-  jobs_.set_stage(asked.id, "odometry");
+  jobs_.set_stage(*claimed, "odometry");
   EXPECT_EQ(jobs_.job(asked.id).stage, "odometry");
-  const StoredJob done = jobs_.succeed(asked.id, "v2", 9);
+  const StoredJob done = jobs_.succeed(*claimed, "v2", 9);
   EXPECT_EQ(done.status, JobStatus::kSucceeded);
   EXPECT_EQ(done.result_version, "v2");
   EXPECT_EQ(done.finished_ns, 9);
-  const StoreState reopened(file_, unsynced_);
+  const StoreState reopened = test::state_at(file_, unsynced_);
   EXPECT_EQ(jobs_.job(asked.id), done);
 }
 
@@ -77,14 +78,14 @@ TEST_F(JobTableTest, GivesTheOldestFirst) {
   const std::int64_t first = enqueue(), second = enqueue(), third = enqueue();
   EXPECT_EQ(jobs_.claim(now_)->id, first);
   EXPECT_EQ(jobs_.claim(now_)->id, second);
-  jobs_.put_back(first, "the mapper was killed", now_);
+  jobs_.put_back(jobs_.job(first), "the mapper was killed", now_);
   EXPECT_EQ(jobs_.claim(now_)->id, first);
   EXPECT_EQ(jobs_.claim(now_)->id, third);
 }
 
 TEST_F(JobTableTest, GivesEachJobToOneCallerOnly) {
   for (int i = 0; i < 40; ++i) enqueue();
-  StoreState other(file_, unsynced_);
+  StoreState other = test::state_at(file_, unsynced_);
   std::mutex mutex;
   std::vector<std::int64_t> claimed;
   std::vector<std::thread> threads;
@@ -103,16 +104,16 @@ TEST_F(JobTableTest, GivesEachJobToOneCallerOnly) {
 
 TEST_F(JobTableTest, EndsOnlyWhatIsProcessing) {
   const std::int64_t id = enqueue();
-  expect_refused(Reason::kNotProcessing, [&] { jobs_.succeed(id, "v", 1); });
-  expect_refused(Reason::kNotProcessing, [&] { jobs_.fail(id, "x", 1); });
-  expect_refused(Reason::kNotProcessing, [&] { jobs_.set_stage(id, "x"); });
-  expect_refused(Reason::kUnknownJob, [&] { jobs_.fail(id + 1, "x", 1); });
+  expect_refused(Reason::kNotProcessing, [&] { jobs_.succeed(jobs_.job(id), "v", 1); });
+  expect_refused(Reason::kNotProcessing, [&] { jobs_.fail(jobs_.job(id), "x", 1); });
+  expect_refused(Reason::kNotProcessing, [&] { jobs_.set_stage(jobs_.job(id), "x"); });
+  expect_refused(Reason::kUnknownJob, [&] { jobs_.fail(StoredJob{.id = id + 1}, "x", 1); });
   expect_refused(Reason::kUnknownJob, [&] { (void)jobs_.job(id + 1); });
   expect_refused(Reason::kUnknownMap, [&] { enqueue("{}", "nowhere"); });
   jobs_.claim(1);
-  EXPECT_EQ(jobs_.fail(id, "out of memory", 7).error, "out of memory");
-  expect_refused(Reason::kNotProcessing, [&] { jobs_.succeed(id, "v", 8); });
-  expect_refused(Reason::kNotProcessing, [&] { jobs_.put_back(id, "again", 8); });
+  EXPECT_EQ(jobs_.fail(jobs_.job(id), "out of memory", 7).error, "out of memory");
+  expect_refused(Reason::kNotProcessing, [&] { jobs_.succeed(jobs_.job(id), "v", 8); });
+  expect_refused(Reason::kNotProcessing, [&] { jobs_.put_back(jobs_.job(id), "again", 8); });
   expect_refused(Reason::kJobFinished, [&] { jobs_.request_cancel(id, 8); });
 }
 
@@ -125,7 +126,7 @@ TEST_F(JobTableTest, CancelsAWaitingJobAtOnceAndAsksARunningOneToEnd) {
   const StoredJob asked = jobs_.request_cancel(running, 4);
   EXPECT_EQ(asked.status, JobStatus::kProcessing);
   EXPECT_TRUE(asked.cancel_requested);
-  const StoredJob ended = jobs_.end_canceled(running, 5);
+  const StoredJob ended = jobs_.end_canceled(jobs_.job(running), 5);
   EXPECT_EQ(ended.status, JobStatus::kCanceled);
   EXPECT_FALSE(ended.cancel_requested);
 }
@@ -134,14 +135,14 @@ TEST_F(JobTableTest, IsPublishedOrCanceledAndNeverBoth) {
   const std::int64_t canceled = enqueue(), published = enqueue();
   const StoredVersion version{.name = "v2", .digest = std::string(64, 'a')};
   expect_refused(Reason::kNotProcessing,
-                 [&] { state_.add_version("town", version, {}, canceled); });
+                 [&] { state_.add_version("town", version, {}, jobs_.job(canceled)); });
   jobs_.claim(1);
   jobs_.claim(1);
   jobs_.request_cancel(canceled, 2);
   expect_refused(Reason::kNotProcessing,
-                 [&] { state_.add_version("town", version, {}, canceled); });
+                 [&] { state_.add_version("town", version, {}, jobs_.job(canceled)); });
   EXPECT_FALSE(state_.find_version("town", "v2"));
-  EXPECT_TRUE(state_.add_version("town", version, {}, published));
+  EXPECT_TRUE(state_.add_version("town", version, {}, jobs_.job(published)));
   EXPECT_EQ(jobs_.job(published).result_version, "v2");
   expect_refused(Reason::kJobFinished, [&] { jobs_.request_cancel(published, 3); });
   // Nor when the server dies before it has ended.
@@ -150,7 +151,39 @@ TEST_F(JobTableTest, IsPublishedOrCanceledAndNeverBoth) {
   EXPECT_EQ(jobs_.job(canceled).status, JobStatus::kCanceled);
   expect_refused(Reason::kJobFinished, [&] { jobs_.request_cancel(published, 5); });
   jobs_.claim(6);
-  EXPECT_FALSE(state_.add_version("town", version, {}, published)) << "twice is once";
+  EXPECT_FALSE(state_.add_version("town", version, {}, jobs_.job(published))) << "twice is once";
+}
+
+TEST_F(JobTableTest, OnlyTheLatestAttemptCounts) {
+  const std::int64_t id = enqueue();
+  const StoredJob first = jobs_.claim(1, "a").value();
+  EXPECT_TRUE(jobs_.beat(first));
+  // Another server looks, and looks again later.
+  const std::vector<JobTable::Beat> seen = jobs_.beats();
+  ASSERT_EQ(seen.size(), 1U);
+  EXPECT_EQ(seen[0].beats, 1);
+  EXPECT_TRUE(jobs_.beat(first));
+  EXPECT_FALSE(jobs_.put_back_silent(seen[0], "silent", 2)) << "it has said something since";
+  const JobTable::Beat silent = jobs_.beats().at(0);
+  EXPECT_TRUE(jobs_.put_back_silent(silent, "silent", 3));
+  EXPECT_FALSE(jobs_.put_back_silent(silent, "silent", 3)) << "taken over once";
+  EXPECT_EQ(jobs_.job(id).error, "silent");
+
+  EXPECT_FALSE(jobs_.beat(first));
+  const StoredJob second = jobs_.claim(4, "b").value();
+  EXPECT_EQ(second.attempts, 2);
+  EXPECT_FALSE(jobs_.beat(first));
+  const StoredVersion version{.name = "v2", .digest = std::string(64, 'a')};
+  expect_refused(Reason::kNotProcessing, [&] { state_.add_version("town", version, {}, first); });
+  for (const auto& change : std::vector<std::function<void()>>{
+           [&] { jobs_.set_stage(first, "fusion"); }, [&] { jobs_.succeed(first, "v2", 5); },
+           [&] { jobs_.fail(first, "x", 5); }, [&] { jobs_.end_canceled(first, 5); },
+           [&] { jobs_.put_back(first, "x", 5); }})
+    expect_refused(Reason::kNotProcessing, change);
+  EXPECT_EQ(jobs_.put_back_all("ended", 6, "a"), 0U) << "that of another server goes on";
+  EXPECT_TRUE(state_.add_version("town", version, {}, second));
+  EXPECT_EQ(jobs_.succeed(second, "v2", 7).status, JobStatus::kSucceeded);
+  EXPECT_TRUE(jobs_.beats().empty());
 }
 
 TEST_F(JobTableTest, PutsBackWhatARestartInterrupted) {
@@ -165,7 +198,7 @@ TEST_F(JobTableTest, PutsBackWhatARestartInterrupted) {
   const StoredJob again = jobs_.claim(4).value();
   EXPECT_EQ(again.id, resumed);
   EXPECT_EQ(again.attempts, 2);
-  EXPECT_EQ(jobs_.succeed(resumed, "v", 5).error, "");
+  EXPECT_EQ(jobs_.succeed(jobs_.job(resumed), "v", 5).error, "");
   EXPECT_EQ(jobs_.claim(6)->id, waiting);
 }
 
@@ -228,7 +261,7 @@ TEST_F(JobTableTest, EndsAPageWhereItsRequestsAreLong) {
 TEST_F(JobTableTest, KnowsAllThatHaveNotEnded) {
   const std::int64_t done = enqueue(), processing = enqueue(), waiting = enqueue();
   jobs_.claim(1);
-  jobs_.fail(done, "x", 2);
+  jobs_.fail(jobs_.job(done), "x", 2);
   jobs_.claim(3);
   std::vector<std::int64_t> found;
   for (const StoredJob& job : jobs_.unfinished()) found.push_back(job.id);
@@ -241,8 +274,8 @@ TEST_F(JobTableTest, ForgetsOnlyWhatFinishedLongAgo) {
   const std::int64_t recent = enqueue(), waiting = enqueue();
   jobs_.claim(1);
   jobs_.claim(1);
-  jobs_.fail(old, "x", 10);
-  jobs_.fail(recent, "x", 20);
+  jobs_.fail(jobs_.job(old), "x", 10);
+  jobs_.fail(jobs_.job(recent), "x", 20);
   EXPECT_EQ(jobs_.forget_finished_before(20, 100), 1U);
   EXPECT_THAT(ids({}), ElementsAre(waiting, recent));
   const JobTable::Enqueued again = jobs_.enqueue(named, 30);

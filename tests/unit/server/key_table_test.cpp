@@ -8,6 +8,7 @@
 #include <string>
 
 #include "support/disk_calls.hpp"
+#include "support/states.hpp"
 #include "support/store_refusals.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
@@ -37,11 +38,17 @@ class KeyTableTest : public ::testing::Test {
   [[nodiscard]] Verdict verdict(const std::string& text, std::int64_t now_ns = kNow) {
     return state_.keys().check(text, now_ns).verdict;
   }
+  /// At once in SQLite; PostgreSQL tells of it, which takes a moment.
+  [[nodiscard]] Verdict verdict_in_the_end(const std::string& text, Verdict wanted) {
+    for (int i = 0; test::states_are_in_postgres() && i < 500 && verdict(text) != wanted; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return verdict(text);
+  }
 
   TemporaryFolder folder_;
   UnsyncedCalls unsynced_;
   std::filesystem::path file_ = folder_.path() / "state.db";
-  StoreState state_{file_, unsynced_};
+  StoreState state_ = test::state_at(file_, unsynced_);
   KeyScopes read_ = scopes({KeyScope::kRead});
 };
 
@@ -116,6 +123,7 @@ TEST_F(KeyTableTest, KnowsAKeyByItsWholeTextOnly) {
 }
 
 TEST_F(KeyTableTest, KeepsNoSecretOnTheDisk) {
+  if (test::states_are_in_postgres()) GTEST_SKIP() << "of SQLite's file";
   const KeyTable::Created key = state_.keys().create("car", read_, {}, kNow);
   const std::string secret = key.text.substr(key.text.size() - 64);
   for (const std::string& name : {file_.string(), file_.string() + "-wal"}) {
@@ -148,9 +156,7 @@ TEST_F(KeyTableTest, RefusesAKeyFromTheInstantThatItExpires) {
 TEST_F(KeyTableTest, RevokesForGood) {
   const KeyTable::Created key = state_.keys().create("lost", read_, {}, kNow);
   const KeyTable::Created other = state_.keys().create("kept", read_, {}, kNow + 1);
-  const std::int64_t before = state_.keys().change_counter();
   EXPECT_EQ(state_.keys().revoke(key.key.id, kNow + 5).revoked_ns, kNow + 5);
-  EXPECT_GT(state_.keys().change_counter(), before);
   EXPECT_EQ(state_.keys().revoke(key.key.id, kNow + 9).revoked_ns, kNow + 5);
   EXPECT_EQ(verdict(key.text), Verdict::kRevoked);
   EXPECT_EQ(verdict(other.text), Verdict::kGood);
@@ -158,21 +164,18 @@ TEST_F(KeyTableTest, RevokesForGood) {
   expect_refused(Reason::kUnknownKey, [&] { state_.keys().revoke("0000000000000000", kNow); });
 }
 
-TEST_F(KeyTableTest, SeesAtOnceWhatAnotherProcessDid) {
-  StoreState other(file_, unsynced_);
-  const std::int64_t before = state_.keys().change_counter();
+TEST_F(KeyTableTest, SeesWhatAnotherProcessDid) {
+  StoreState other = test::state_at(file_, unsynced_);
+  EXPECT_FALSE(state_.keys().any());
   const KeyTable::Created key = other.keys().create("new", read_, {}, kNow);
-  const std::int64_t created = state_.keys().change_counter();
-  EXPECT_GT(created, before);
-  EXPECT_EQ(verdict(key.text), Verdict::kGood);
-  other.create_map("town", kNow);
-  EXPECT_EQ(state_.keys().change_counter(), created) << "only keys count";
+  EXPECT_EQ(verdict_in_the_end(key.text, Verdict::kGood), Verdict::kGood);
+  EXPECT_TRUE(state_.keys().any());
   other.keys().revoke(key.key.id, kNow);
-  EXPECT_GT(state_.keys().change_counter(), created);
-  EXPECT_EQ(verdict(key.text), Verdict::kRevoked);
+  EXPECT_EQ(verdict_in_the_end(key.text, Verdict::kRevoked), Verdict::kRevoked);
 }
 
 TEST_F(KeyTableTest, WaitsForNoWriter) {
+  if (test::states_are_in_postgres()) GTEST_SKIP() << "of SQLite";
   const KeyTable::Created key = state_.keys().create("car", read_, {}, kNow);
   // A commit takes as long as the disk's sync; here it takes for ever.
   sqlite3* writer = nullptr;

@@ -114,7 +114,7 @@ class StoreScenarioTest : public ::testing::Test {
         },
         [](Store& store) { store->jobs().enqueue({.map = "town", .drives = {1}}, 5); },
         [](Store& store) { store->jobs().claim(6); },
-        [](Store& store) { store->jobs().set_stage(1, "fusion"); },
+        [](Store& store) { store->jobs().set_stage(store->jobs().job(1), "fusion"); },
         [](Store& store) { store->jobs().request_cancel(1, 7); },
         open,
         [](Store& store) { store->jobs().put_back_all("stopped", 8); },

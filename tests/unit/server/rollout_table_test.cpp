@@ -6,6 +6,7 @@
 #include <string>
 
 #include "support/disk_calls.hpp"
+#include "support/states.hpp"
 #include "support/store_refusals.hpp"
 #include "support/stored_packages.hpp"
 #include "support/temporary_folder.hpp"
@@ -43,7 +44,7 @@ class RolloutTableTest : public ::testing::Test {
   TemporaryFolder folder_;
   UnsyncedCalls unsynced_;
   std::filesystem::path file_ = folder_.path() / "state.db";
-  std::unique_ptr<StoreState> state_ = std::make_unique<StoreState>(file_, unsynced_);
+  std::unique_ptr<StoreState> state_{new StoreState(test::state_at(file_, unsynced_))};
 };
 
 TEST_F(RolloutTableTest, OutlivesTheProcess) {
@@ -54,7 +55,7 @@ TEST_F(RolloutTableTest, OutlivesTheProcess) {
   expected.halted = true;
   expected.reason = "too many are lost";
   state_.reset();
-  state_ = std::make_unique<StoreState>(file_, unsynced_);
+  state_.reset(new StoreState(test::state_at(file_, unsynced_)));
   EXPECT_THAT(rollouts().list(), ElementsAre(expected));
   EXPECT_TRUE(rollouts().remove("town"));
   EXPECT_FALSE(rollouts().remove("town"));

@@ -135,7 +135,7 @@ TEST_F(StoreBackupTest, BringsBackAllButDrives) {
   store_->drives().add_part(drive, {1, std::string(64, 'a'), 10});
   const std::int64_t done = store_->jobs().enqueue({.map = "town"}, 1).job.id;
   store_->jobs().claim(2);
-  store_->jobs().succeed(done, "1", 3);
+  store_->jobs().succeed(store_->jobs().job(done), "1", 3);
   const std::int64_t waiting = store_->jobs().enqueue({.map = "town"}, 4).job.id;
   store_->audit().append({.time_ns = 5, .subject = "town"});
   const SavedEdits edits = store_->edits().save("town", "corrections", "k", 6);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "support/disk_calls.hpp"
+#include "support/states.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/throws.hpp"
 
@@ -52,7 +53,7 @@ class StoreStateTest : public ::testing::Test {
 };
 
 TEST_F(StoreStateTest, CountsFilesThatVersionsShareOnce) {
-  StoreState state(file_, unsynced_);
+  StoreState state = test::state_at(file_, unsynced_);
   const std::string shared(64, 'a'), own_1(64, 'b'), own_2(64, 'c');
   StoredVersion one = version("1", '1'), two = version("2", '2');
   one.bytes = two.bytes = 110;
@@ -80,7 +81,7 @@ TEST_F(StoreStateTest, CountsFilesThatVersionsShareOnce) {
 }
 
 TEST_F(StoreStateTest, TellsWhichVersionWasActiveAtATime) {
-  StoreState state(file_, unsynced_);
+  StoreState state = test::state_at(file_, unsynced_);
   for (const char name : {'1', '2', '3'}) state.add_version("town", version({name}, name));
   state.activate("town", "1", {}, 100);
   state.activate("town", "2", {}, 200);
@@ -102,14 +103,14 @@ TEST_F(StoreStateTest, TellsWhichVersionWasActiveAtATime) {
 
 TEST_F(StoreStateTest, KeepsEverythingAcrossOpening) {
   {
-    StoreState state(file_, unsynced_);
+    StoreState state = test::state_at(file_, unsynced_);
     EXPECT_TRUE(state.add_version("town", version("b", '1', 5)));
     EXPECT_TRUE(state.add_version("town", version("a", '2', 6)));
     EXPECT_TRUE(state.add_version("depot", version("a", '1', 7)));
     state.activate("town", "b");
     EXPECT_EQ(state.activate("town", "a").revision, 2);
   }
-  const StoreState state(file_, unsynced_);
+  const StoreState state = test::state_at(file_, unsynced_);
   EXPECT_THAT(state.maps(),
               ElementsAre(StoredMap{"depot", {}, {}, 0, 7}, StoredMap{"town", "a", "b", 2, 5}));
   EXPECT_THAT(state.versions("town"), ElementsAre(version("b", '1', 5), version("a", '2', 6)));
@@ -120,7 +121,7 @@ TEST_F(StoreStateTest, KeepsEverythingAcrossOpening) {
 }
 
 TEST_F(StoreStateTest, AddsTheSameVersionOnceAndRefusesAnotherDigest) {
-  StoreState state(file_, unsynced_);
+  StoreState state = test::state_at(file_, unsynced_);
   EXPECT_TRUE(state.add_version("town", version("a", '1')));
   EXPECT_FALSE(state.add_version("town", version("a", '1', 9)));
   expect_refused(Reason::kOtherDigest, [&] { state.add_version("town", version("a", '2')); });
@@ -128,7 +129,7 @@ TEST_F(StoreStateTest, AddsTheSameVersionOnceAndRefusesAnotherDigest) {
 }
 
 TEST_F(StoreStateTest, NameOfARemovedVersionIsGoodForTheSamePackageOnly) {
-  StoreState state(file_, unsynced_);
+  StoreState state = test::state_at(file_, unsynced_);
   state.add_version("town", version("a", '1'));
   state.remove_version("town", "a");
   expect_refused(Reason::kOtherDigest, [&] { state.add_version("town", version("a", '2')); });
@@ -139,7 +140,7 @@ TEST_F(StoreStateTest, NameOfARemovedVersionIsGoodForTheSamePackageOnly) {
 }
 
 TEST_F(StoreStateTest, RefusesWhatIsNotThere) {
-  StoreState state(file_, unsynced_);
+  StoreState state = test::state_at(file_, unsynced_);
   expect_refused(Reason::kUnknownMap, [&] { state.activate("town", "a"); });
   expect_refused(Reason::kUnknownMap, [&] { (void)state.versions("town"); });
   state.add_version("town", version("a", '1'));
@@ -150,7 +151,7 @@ TEST_F(StoreStateTest, RefusesWhatIsNotThere) {
 }
 
 TEST_F(StoreStateTest, ChangesOnlyTheRevisionThatTheCallerSaw) {
-  StoreState state(file_, unsynced_);
+  StoreState state = test::state_at(file_, unsynced_);
   state.add_version("town", version("a", '1'));
   state.add_version("town", version("b", '2'));
   EXPECT_EQ(state.activate("town", "a", 0).revision, 1);
@@ -166,7 +167,7 @@ TEST_F(StoreStateTest, ChangesOnlyTheRevisionThatTheCallerSaw) {
 }
 
 TEST_F(StoreStateTest, CondemnsAPackageWithItsLastVersion) {
-  StoreState state(file_, unsynced_);
+  StoreState state = test::state_at(file_, unsynced_);
   state.add_version("town", version("a", '1'));
   state.add_version("town", version("same", '1'));
   state.add_version("town", version("b", '2'));
@@ -186,9 +187,10 @@ TEST_F(StoreStateTest, CondemnsAPackageWithItsLastVersion) {
 }
 
 TEST_F(StoreStateTest, RefusesANewerSchemaAndForeignDatabases) {
-  { const StoreState state(file_, unsynced_); }
+  if (test::states_are_in_postgres()) GTEST_SKIP() << "PostgresStateTest has its own";
+  { const StoreState state = test::state_at(file_, unsynced_); }
   run_sql(file_, "PRAGMA user_version=99");
-  EXPECT_THAT([&] { StoreState state(file_, unsynced_); },
+  EXPECT_THAT([&] { StoreState state = test::state_at(file_, unsynced_); },
               ThrowsSaying<maps::InputError>({"state.db", "schema version 99", "newer stillmap"}));
   const std::filesystem::path other = folder_.path() / "other.db";
   run_sql(other, "CREATE TABLE maps (name TEXT)");
@@ -217,8 +219,8 @@ TEST_F(StoreStateTest, SyncsBeforeItAnswers) {
 }
 
 TEST_F(StoreStateTest, SeesWhatAnotherOneCommitted) {
-  StoreState first(file_, unsynced_);
-  StoreState second(file_, unsynced_);
+  StoreState first = test::state_at(file_, unsynced_);
+  StoreState second = test::state_at(file_, unsynced_);
   first.add_version("town", version("a", '1'));
   EXPECT_EQ(second.activate("town", "a").revision, 1);
   EXPECT_EQ(first.map("town").active, "a");

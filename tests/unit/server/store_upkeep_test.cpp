@@ -255,6 +255,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
           " BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;"
           "DROP TABLE audit_start; ALTER TABLE audit DROP COLUMN sha256;"
           "ALTER TABLE audit DROP COLUMN source; ALTER TABLE keys DROP COLUMN maps;"
+          "ALTER TABLE jobs DROP COLUMN server; ALTER TABLE jobs DROP COLUMN beat;"
           "ALTER TABLE audit DROP COLUMN server_request_id; DROP TABLE migrated; DROP TABLE "
           "package_files;"
           "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; PRAGMA "

@@ -147,6 +147,9 @@ struct DrainOptions {
 struct ServerOptions {
   /// Folder of the store. `stillmap serve` needs it; the library is given the folder apart.
   std::string store = {};
+  /// Address of the database of PostgreSQL that holds the store's state; empty where it lies in the
+  /// folder. `stillmap serve` attaches the folder to it.
+  std::string state = {};
   /// Address to listen on. Anything but loopback needs `allow_remote`.
   std::string host = "127.0.0.1";
   /// TCP port; 0 takes any free one.
