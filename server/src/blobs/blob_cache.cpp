@@ -146,7 +146,7 @@ BlobCache::Reader BlobCache::open(const std::string& sha256, std::optional<std::
     share_download(sha256, bytes);
   }
   throw maps::StorageError(options_.folder.string(),
-                           "blobs are evicted before they can be read: raise cache.max_bytes");
+                           "blobs are evicted before they can be read: raise cache_bytes");
 }
 
 void BlobCache::link(const std::string& sha256, std::uint64_t bytes, const fs::path& to) {
@@ -165,7 +165,7 @@ void BlobCache::link(const std::string& sha256, std::uint64_t bytes, const fs::p
     return copy.finish();
   }
   throw maps::StorageError(options_.folder.string(),
-                           "blobs are evicted before they can be used: raise cache.max_bytes");
+                           "blobs are evicted before they can be used: raise cache_bytes");
 }
 
 void BlobCache::adopt(const std::string& sha256, const fs::path& file) {
@@ -237,7 +237,7 @@ void BlobCache::download(const std::string& sha256, std::optional<std::uint64_t>
   } catch (const DiskFull&) {
     files_.remove_tree(folder);
     throw DiskFull(options_.folder.string(),
-                   "the disk of the cache is full: make room, or lower cache.max_bytes");
+                   "the disk of the cache is full: make room, or lower cache_bytes");
   } catch (...) {
     std::error_code ignored;
     fs::remove_all(folder, ignored);
@@ -331,7 +331,7 @@ void BlobCache::make_room(std::uint64_t bytes) {
     if (!release_ || !release_())
       throw maps::StorageError(
           options_.folder.string(),
-          fmt::format("no room for {} bytes more: {} of {} are in use: raise cache.max_bytes",
+          fmt::format("no room for {} bytes more: {} of {} are in use: raise cache_bytes",
                       wanted, now.bytes, most));
     now = walk();
   }

@@ -5,15 +5,16 @@
 
 namespace stillmap::server {
 
-/// How often, and after which pauses, a request is sent again that may pass at another time.
+/// How often, and after which pauses, a request is sent again that may pass at another time. The
+/// defaults outlast the restart of a server.
 struct RetryPolicy {
   /// Tries of one request, the first included.
-  int attempts = 6;
+  int attempts = 12;
   /// The first pause; each is twice the one before.
   std::chrono::milliseconds first_pause{200};
   std::chrono::milliseconds longest_pause{5'000};
   /// No try begins later than this after the first one.
-  std::chrono::milliseconds within{60'000};
+  std::chrono::milliseconds within{30'000};
 
   /// The pause before the next try; nothing when there is none.
   /// @param failed    tries so far, at least 1. @param spent  since the first one began.

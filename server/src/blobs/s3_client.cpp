@@ -459,7 +459,9 @@ void S3Client::list(const std::string& begin, const std::function<void(const Lis
   do {
     Request request{.method = "GET",
                     .key = {},
-                    .query = {{"list-type", "2"}, {"prefix", options_.prefix + begin}}};
+                    .query = {{"list-type", "2"},
+                              {"max-keys", std::to_string(options_.page_objects)},
+                              {"prefix", options_.prefix + begin}}};
     if (!token.empty()) request.query["continuation-token"] = token;
     const Answer answer = ask_well(request);
     for (const std::string_view each : xml_elements(answer.body, "Contents")) {

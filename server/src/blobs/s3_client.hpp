@@ -34,6 +34,8 @@ struct S3Options {
   RetryPolicy retry{};
   /// A larger file is sent in parts of this size, at least 5 MiB.
   std::uint64_t part_bytes = std::uint64_t{64} << 20U;
+  /// Objects of one page of a listing.
+  int page_objects = 1000;
 };
 
 struct S3Range {

@@ -132,7 +132,7 @@ TEST_F(BlobCacheTest, ABlobWithASecondNameStays) {
   EXPECT_FALSE(cache.has(two));
   cache.link(three, kBlobBytes, folder_ / "used, too");
   EXPECT_THAT([&] { (void)read(cache, two); },
-              ThrowsSaying<maps::StorageError>({folder_.string(), "raise cache.max_bytes"}));
+              ThrowsSaying<maps::StorageError>({folder_.string(), "raise cache_bytes"}));
   // Whoever holds the names may give one up.
   cache.set_release([&] { return fs::remove(folder_ / "used"); });
   EXPECT_EQ(read(cache, two), remote_[two]);

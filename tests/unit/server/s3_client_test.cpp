@@ -214,9 +214,10 @@ TEST_F(S3ClientTest, ListsPageByPage) {
     found.push_back(each.key + " " + std::to_string(each.bytes));
   });
   EXPECT_THAT(found, ElementsAre("blobs/1 5", "blobs/2 6"));
-  EXPECT_EQ(server_.asked().at(0).target, "/maps?list-type=2&prefix=fleet%2Fblobs%2F");
+  EXPECT_EQ(server_.asked().at(0).target,
+            "/maps?list-type=2&max-keys=1000&prefix=fleet%2Fblobs%2F");
   EXPECT_EQ(server_.asked().at(1).target,
-            "/maps?continuation-token=a%20b%26&list-type=2&prefix=fleet%2Fblobs%2F");
+            "/maps?continuation-token=a%20b%26&list-type=2&max-keys=1000&prefix=fleet%2Fblobs%2F");
 }
 
 TEST_F(S3ClientTest, HeadTellsBytesOrNothing) {
