@@ -36,6 +36,10 @@ PROXY_FILTERS = {
 PIPELINE = "catch_errors proxy-logging cache s3api tempauth slo dlo proxy-logging proxy-server"
 
 
+def sha256_of(content):
+    return hashlib.sha256(content).hexdigest()
+
+
 def missing():
     """Programs that are not installed."""
     programs = [f"swift-{server}-server" for server in SERVERS] + ["memcached"]
@@ -182,14 +186,14 @@ class Swift:
     def ask(self, method, path, query="", body=b""):
         """@return status, body. @param query  encoded and sorted."""
         time_text = datetime.datetime.now(datetime.timezone.utc).strftime("%Y%m%dT%H%M%SZ")
-        date, body_hash = time_text[:8], hashlib.sha256(body).hexdigest()
+        date, body_hash = time_text[:8], sha256_of(body)
         host = f"{self.host}:{self.ports['proxy']}"
         headers = {"host": host, "x-amz-content-sha256": body_hash, "x-amz-date": time_text}
         names = ";".join(sorted(headers))
         lines = "".join(f"{name}:{headers[name]}\n" for name in sorted(headers))
         scope = f"{date}/us-east-1/s3/aws4_request"
         canonical = "\n".join([method, path, query, lines, names, body_hash])
-        text = "\n".join(["AWS4-HMAC-SHA256", time_text, scope, hashlib.sha256(canonical.encode()).hexdigest()])
+        text = "\n".join(["AWS4-HMAC-SHA256", time_text, scope, sha256_of(canonical.encode())])
         key = ("AWS4" + SECRET_KEY).encode()
         for part in (*scope.split("/"), text):
             key = hmac.new(key, part.encode(), hashlib.sha256).digest()

@@ -11,6 +11,7 @@
 #include <cctype>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <stdexcept>
@@ -22,8 +23,8 @@
 
 namespace stillmap::test {
 
-/// A server on 127.0.0.1 that gives one answer after the other from a list, and keeps what it was
-/// asked. When the list is used up it answers 599.
+/// A server on 127.0.0.1 that gives one answer after the other from a list, or those of a function,
+/// and keeps what it was asked. When the list is used up it answers 599.
 class ScriptedHttpServer {
  public:
   struct Answer {
@@ -43,8 +44,11 @@ class ScriptedHttpServer {
     int connection = 0;
   };
 
-  explicit ScriptedHttpServer(std::vector<Answer> answers = {})
-      : answers_(std::move(answers)), listener_(::socket(AF_INET, SOCK_STREAM, 0)) {
+  using Handler = std::function<Answer(const Asked& asked)>;
+
+  /// @param handler  is asked, from several threads, when the list is used up.
+  explicit ScriptedHttpServer(Handler handler = {})
+      : handler_(std::move(handler)), listener_(::socket(AF_INET, SOCK_STREAM, 0)) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -150,6 +154,7 @@ class ScriptedHttpServer {
       asked_.push_back(asked);
       if (next_ < answers_.size()) answer = answers_[next_++];
     }
+    if (answer.status == 599 && handler_) answer = handler_(asked);
     if (answer.drops) return false;
     std::string head = "HTTP/1.1 " + std::to_string(answer.status) + " Said\r\n";
     for (const std::string& header : answer.headers) head += header + "\r\n";
@@ -161,6 +166,7 @@ class ScriptedHttpServer {
     return send_all(socket, std::string_view(answer.body).substr(0, answer.cut_after)) && !is_cut;
   }
 
+  Handler handler_;
   mutable std::mutex mutex_;
   std::vector<Answer> answers_;
   std::size_t next_ = 0;

@@ -331,8 +331,8 @@ void BlobCache::make_room(std::uint64_t bytes) {
     if (!release_ || !release_())
       throw maps::StorageError(
           options_.folder.string(),
-          fmt::format("no room for {} bytes more: {} of {} are in use: raise cache_bytes",
-                      wanted, now.bytes, most));
+          fmt::format("no room for {} bytes more: {} of {} are in use: raise cache_bytes", wanted,
+                      now.bytes, most));
     now = walk();
   }
   const std::scoped_lock counting(mutex_);

@@ -26,6 +26,8 @@ struct ClearedPackages {
   std::vector<std::string> packages;
   /// Folders that a killed writer left.
   std::size_t leftovers = 0;
+  /// Where packages are elsewhere: their files that no package has.
+  std::size_t blobs = 0;
 };
 /// Removes packages that no version names and what killed writers left. What is being written
 /// right now stays.

@@ -23,7 +23,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace blob_cache_test {
 
 namespace fs = std::filesystem;
 using test::ThrowsSaying;
@@ -268,5 +268,5 @@ TEST_F(BlobCacheTest, TakesAFileThatIsThere) {
   EXPECT_LE(cache.used_bytes(), kBlobBytes);
 }
 
-}  // namespace
+}  // namespace blob_cache_test
 }  // namespace stillmap::server

@@ -16,7 +16,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace s3_client_test {
 
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
@@ -330,5 +330,5 @@ TEST_F(S3ClientTest, RefusesOptionsThatCannotWork) {
   EXPECT_THROW((void)client(), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace s3_client_test
 }  // namespace stillmap::server

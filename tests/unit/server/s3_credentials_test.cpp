@@ -12,7 +12,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace s3_credentials_test {
 
 namespace fs = std::filesystem;
 using test::ThrowsSaying;
@@ -75,5 +75,5 @@ TEST_F(S3CredentialsTest, WithoutAFileTheEnvironmentHasThem) {
   ::unsetenv("AWS_SECRET_ACCESS_KEY");
 }
 
-}  // namespace
+}  // namespace s3_credentials_test
 }  // namespace stillmap::server

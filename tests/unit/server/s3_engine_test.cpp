@@ -15,7 +15,7 @@
 #include "support/throws.hpp"
 
 namespace stillmap::server {
-namespace {
+namespace s3_engine_test {
 
 namespace fs = std::filesystem;
 using std::chrono::hours;
@@ -161,5 +161,5 @@ TEST_F(S3EngineTest, KillsHarmNothing) {
   }
 }
 
-}  // namespace
+}  // namespace s3_engine_test
 }  // namespace stillmap::server

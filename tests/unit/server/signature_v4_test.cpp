@@ -7,7 +7,7 @@
 #include <stillmap/maps/map_package.hpp>
 
 namespace stillmap::server {
-namespace {
+namespace signature_v4_test {
 
 using testing::EndsWith;
 
@@ -94,5 +94,5 @@ TEST(SignatureV4Test, SignsNoRequestWithoutHostOrTime) {
   EXPECT_THROW((void)suite_signature(request), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace signature_v4_test
 }  // namespace stillmap::server
