@@ -98,8 +98,8 @@ class Served:
     def is_ready(self):
         """Whether the map is served."""
         try:
-            with urllib.request.urlopen(self.url + "readyz", timeout=10) as answer:
-                return answer.status == 200 and "town" in answer.read().decode()
+            with urllib.request.urlopen(self.url + "v1/maps/town", timeout=10) as answer:
+                return json.load(answer)["state"] == "ready"
         except urllib.error.HTTPError as error:
             error.close()
             return False

@@ -156,6 +156,7 @@ class ScriptedHttpServer {
     }
     if (answer.status == 599 && handler_) answer = handler_(asked);
     if (answer.drops) return false;
+    if (asked.method == "HEAD" && answer.has_body) answer.body.clear();
     std::string head = "HTTP/1.1 " + std::to_string(answer.status) + " Said\r\n";
     for (const std::string& header : answer.headers) head += header + "\r\n";
     if (answer.has_body && answer.status != 204)

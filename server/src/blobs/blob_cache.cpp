@@ -151,21 +151,19 @@ BlobCache::Reader BlobCache::open(const std::string& sha256, std::optional<std::
 
 void BlobCache::link(const std::string& sha256, std::uint64_t bytes, const fs::path& to) {
   constexpr int kTries = 5;
-  for (int tries = 0; tries < kTries; ++tries) {
+  for (int tries = 1;; ++tries) {
     const Reader reader = open(sha256, bytes);
     try {
       if (files_.link(place_of(sha256), to)) return;
     } catch (const maps::StorageError&) {
-      // Evicted just now.
-      if (!has(sha256)) continue;
-      throw;
+      // Perhaps another process evicted it just now.
+      if (tries == kTries) throw;
+      continue;
     }
     DurableFiles::NewFile copy = files_.create(to);
     copy.append(reader.text());
     return copy.finish();
   }
-  throw maps::StorageError(options_.folder.string(),
-                           "blobs are evicted before they can be used: raise cache_bytes");
 }
 
 void BlobCache::adopt(const std::string& sha256, const fs::path& file) {
@@ -174,9 +172,17 @@ void BlobCache::adopt(const std::string& sha256, const fs::path& file) {
   make_folders();
   files_.make_folder(place.parent_path());
   try {
-    (void)files_.link(file, place);
+    if (!files_.link(file, place)) return;
+    {
+      const std::scoped_lock lock(mutex_);
+      const std::uint64_t bytes = fs::file_size(file);
+      used_bytes_ += bytes;
+      added_bytes_ += bytes;
+    }
+    // It takes room from now on; others go.
+    make_room(0);
   } catch (const maps::StorageError&) {
-    // Another one was faster, or the disk is full: it will be fetched when it is needed.
+    // Another one was faster, the disk is full, or all is in use: it is fetched when it is needed.
   }
 }
 

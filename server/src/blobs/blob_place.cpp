@@ -121,15 +121,17 @@ PackageStore open_store(const fs::path& folder) {
 }
 
 PackageStore open_store(const fs::path& folder, const ServerOptions& options) {
-  if (options.blobs.empty()) return open_store(folder);
   const auto noted = noted_place(folder);
-  if (noted) require_same_place(folder, *noted, options);
+  if (options.blobs.empty() && !noted) return PackageStore(folder);
+  if (noted && !options.blobs.empty()) require_same_place(folder, *noted, options);
   if (!noted && has_packages(folder))
     throw maps::InputError(
         folder.string(), "a store with packages in its folder",
         "one without: move them by `stillmap store to-s3`, or leave out --blobs");
-  const ServerOptions place = with_whole_paths(options);
+  const ServerOptions place = options.blobs.empty() ? *noted : with_whole_paths(options);
   std::unique_ptr<S3Packages> blobs = packages_in_s3(folder, place);
+  // Not found when the first map is asked for.
+  blobs->require_credentials();
   note_place(folder, place, DiskCalls::real());
   return PackageStore(folder, DiskCalls::real(), std::move(blobs));
 }
@@ -159,7 +161,8 @@ std::size_t move_to_s3(const fs::path& folder, const ServerOptions& options,
         throw maps::InputError(package.string(), damage,
                                "a whole package: add it again, or remove its versions");
       blobs->send(package, sent, /*again=*/false);
-      for (const auto& [path, file] : maps::MapPackage::open(package)->manifest().files)
+      const auto opened = maps::MapPackage::open(package);
+      for (const auto& [path, file] : opened->manifest().files)
         sent.emplace(file.sha256, file.bytes);
       if (progress) progress(++done, digests.size());
     }

@@ -432,11 +432,11 @@ void S3Client::get(const std::string& key, const Sink& sink, const S3Range& rang
   if (!answer.is_well()) refuse(request, answer);
 }
 
-std::string S3Client::get_text(const std::string& key) {
+std::string S3Client::get_text(const std::string& key, std::uint64_t most_bytes) {
   std::string text;
   get(key, [&](std::string_view piece) {
-    if (text.size() + piece.size() > kMostAnswerBytes)
-      throw S3Error(name_of(key), "more than 8 MiB, where a text was expected", 200);
+    if (text.size() + piece.size() > most_bytes)
+      throw S3Error(name_of(key), fmt::format("more than {} bytes", most_bytes), 200);
     text += piece;
   });
   return text;

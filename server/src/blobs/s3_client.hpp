@@ -82,7 +82,9 @@ class S3Client {
   using Sink = std::function<void(std::string_view)>;
   /// After a lost connection it goes on from the byte at which it was.
   void get(const std::string& key, const Sink& sink, const S3Range& range = {});
-  [[nodiscard]] std::string get_text(const std::string& key);
+  /// An object of at most so many bytes.
+  [[nodiscard]] std::string get_text(const std::string& key,
+                                     std::uint64_t most_bytes = std::uint64_t{8} << 20U);
 
   /// Bytes of an object; nothing when there is none.
   [[nodiscard]] std::optional<std::uint64_t> size_of(const std::string& key);
@@ -103,6 +105,8 @@ class S3Client {
   /// Makes the bucket; one that is there stays.
   void make_bucket();
 
+  /// @throws maps::InputError when there are no credentials.
+  void require_credentials() { (void)credentials_.current(); }
   /// Ends requests that are under way, and lets none begin.
   void stop();
 

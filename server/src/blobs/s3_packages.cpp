@@ -26,6 +26,9 @@ namespace fs = std::filesystem;
 
 constexpr const char* kBlobKeys = "blobs/";
 
+/// As the cache takes them.
+constexpr std::uint64_t kMostManifestBytes = std::uint64_t{1} << 30U;
+
 std::string key_of(const std::string& sha256) { return kBlobKeys + sha256; }
 
 /// A file of a package that lies in a folder.
@@ -235,7 +238,7 @@ std::string S3Packages::wrong_with(const std::string& sha256, std::uint64_t byte
 std::string S3Packages::damage_of(const std::string& digest, Verified& known) {
   std::string text;
   try {
-    text = client_.get_text(key_of(digest));
+    text = client_.get_text(key_of(digest), kMostManifestBytes);
   } catch (const S3Error& error) {
     if (error.is_missing()) return "its manifest is missing: " + client_.name_of(key_of(digest));
     throw;
@@ -266,7 +269,7 @@ std::string S3Packages::damage_of(const std::string& digest, Verified& known) {
 void S3Packages::remove(const std::string& digest, const FileBytes& kept) {
   std::optional<maps::MapManifest> manifest;
   try {
-    manifest = maps::parse_manifest(client_.get_text(key_of(digest)), digest);
+    manifest = maps::parse_manifest(client_.get_text(key_of(digest), kMostManifestBytes), digest);
   } catch (const S3Error& error) {
     // Removed by an earlier try that ended before it said so.
     if (!error.is_missing()) throw;

@@ -44,6 +44,8 @@ class S3Packages final : public PackageBlobs {
   [[nodiscard]] std::vector<std::string> unnamed(const FileBytes& named) override;
   void remove_blobs(const std::vector<std::string>& sha256s) override;
   void stop() override { client_.stop(); }
+  /// @throws maps::InputError when there are no credentials.
+  void require_credentials() { client_.require_credentials(); }
 
  private:
   [[nodiscard]] std::optional<Local> pinned(const std::string& digest) const;

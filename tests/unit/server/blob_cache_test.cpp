@@ -258,6 +258,18 @@ TEST_F(BlobCacheTest, SeveralCachesMayShareAFolder) {
   EXPECT_THAT(leftovers(), testing::IsEmpty());
 }
 
+TEST_F(BlobCacheTest, WhatIsTakenIsBounded) {
+  BlobCache cache = this->cache(4);
+  for (char c = 'a'; c < 'a' + 12; ++c) {
+    const std::string name = blob(c);
+    const fs::path file = parent_.write("cache/packages/file", remote_[name]);
+    cache.adopt(name, file);
+    fs::remove(file);
+  }
+  EXPECT_LE(cache.used_bytes(), 5 * kBlobBytes);
+  EXPECT_TRUE(cache.has(maps::sha256_of(std::string(kBlobBytes, 'l'))));
+}
+
 TEST_F(BlobCacheTest, TakesAFileThatIsThere) {
   const std::string one = blob('1');
   BlobCache cache = this->cache();
