@@ -238,7 +238,8 @@ HttpCall S3Client::signed_call(const Request& request) {
 
   HttpCall call{.method = request.method, .url = base_ + signing.path};
   if (!request.query.empty()) call.url += "?" + canonical_query(request.query);
-  for (const auto& [name, value] : signing.headers) call.headers.push_back(name + ": " + value);
+  for (const auto& [name, value] : signing.headers)
+    call.headers.push_back(fmt::format("{}: {}", name, value));
   call.headers.push_back("authorization: " +
                          authorization_v4(signing, {.region = options_.region}, credentials));
   call.body_bytes = request.body_bytes;

@@ -110,7 +110,7 @@ bool S3Packages::release_one() const {
 
 std::optional<PackageBlobs::Local> S3Packages::pinned(const std::string& digest) const {
   const fs::path folder = packages_.path_of(digest);
-  if (!is_there(folder)) return std::nullopt;
+  if (!is_there(folder / maps::kManifestName)) return std::nullopt;
   std::optional<FolderLock> lock;
   try {
     lock = FolderLock::try_folder(folder, FolderLock::Kind::kShared);
@@ -190,6 +190,8 @@ void S3Packages::make_local(const std::string& digest) {
   for (const fs::path& folder : folders) files_.sync_folder(folder);
   const FolderLock lock = cache_.locked();
   const fs::path target = packages_.path_of(digest);
+  // What is derived from a package may come to its place after it has gone from there.
+  if (is_there(target) && !is_there(target / maps::kManifestName)) packages_.remove(digest);
   if (!is_there(target)) incoming->publish(incoming->path(), target);
 }
 

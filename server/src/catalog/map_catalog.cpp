@@ -384,9 +384,7 @@ void MapCatalog::notice_trust() {
 
 /// As clients are told, health without a key too: places of this machine stay in the log.
 std::string MapCatalog::shown(const std::exception& error) const {
-  if (std::string_view(error.what()).starts_with("s3://"))
-    return "its files cannot be fetched just now; the log of the server says why";
-  return without_folder(error.what(), store_.folder());
+  return without_places(error.what(), store_);
 }
 
 /// @throws StoreRefusal when the store knows no such version.

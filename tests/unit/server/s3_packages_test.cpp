@@ -204,6 +204,13 @@ TEST_F(S3PackagesTest, ALostCacheIsFilledAgain) {
   EXPECT_EQ(tiles_of(*store, "1"), 2U);
 }
 
+TEST_F(S3PackagesTest, AFolderWithoutAPackageGivesWay) {
+  const auto store = open();
+  store->add("yard", "1", package(1));
+  folder_.write("cache/packages/" + digests_[0] + "/levels/half", "derived");
+  EXPECT_EQ(tiles_of(*store, "1"), 2U);
+}
+
 TEST_F(S3PackagesTest, AnOpenPackageStaysInASmallCache) {
   {
     const auto store = open();
