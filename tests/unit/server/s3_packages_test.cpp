@@ -12,6 +12,8 @@
 #include <thread>
 #include <vector>
 
+#include <stillmap/maps/text.hpp>
+#include "blobs/blob_place.hpp"
 #include "store/package_store.hpp"
 #include "store/store_upkeep.hpp"
 #include "support/disk_calls.hpp"
@@ -281,6 +283,63 @@ TEST_F(S3PackagesTest, GcTouchesNoOtherStore) {
   EXPECT_THAT([&] { (void)clear_unused(*store); },
               ThrowsSaying<maps::InputError>({"s3://maps/fleet/blobs/", "does not know"}));
   EXPECT_EQ(s3_.keys(), keys_of({1}));
+}
+
+/// What a store notes of where its packages are.
+class BlobPlaceTest : public S3PackagesTest {
+ protected:
+  BlobPlaceTest() {
+    place_.blobs = "s3://maps/fleet";
+    place_.s3.endpoint = s3_.url();
+    place_.s3.credentials_file = options_.s3.credentials_file.string();
+  }
+  ServerOptions place_;
+};
+
+TEST_F(BlobPlaceTest, EveryCommandFindsThePackages) {
+  {
+    PackageStore store = open_store(store_, place_);
+    store.add("yard", "1", package(1));
+  }
+  EXPECT_EQ(s3_.keys(), keys_of({1}));
+  EXPECT_THAT(verify_store(open_store(store_)), IsEmpty());
+  // A server that is told nothing finds them, too.
+  EXPECT_THAT(verify_store(open_store(store_, ServerOptions())), IsEmpty());
+  const std::string noted = maps::read_text(store_ / "blobs.json");
+  EXPECT_THAT(noted, testing::Not(HasSubstr("testing")));
+  EXPECT_THAT(noted, HasSubstr("s3://maps/fleet"));
+}
+
+TEST_F(BlobPlaceTest, PackagesDoNotMoveByThemselves) {
+  { PackageStore(store_, calls_).add("yard", "1", package(1)); }
+  EXPECT_THAT([&] { (void)open_store(store_, place_); },
+              ThrowsSaying<maps::InputError>({store_.string(), "stillmap store to-s3"}));
+  EXPECT_FALSE(fs::exists(store_ / "blobs.json"));
+  EXPECT_THAT(verify_store(open_store(store_)), IsEmpty());
+  EXPECT_EQ(move_to_s3(store_, place_), 1U);
+  EXPECT_EQ(s3_.keys(), keys_of({1}));
+  EXPECT_FALSE(fs::exists(store_ / "packages"));
+  EXPECT_THAT(verify_store(open_store(store_)), IsEmpty());
+  place_.blobs = "s3://maps/elsewhere";
+  EXPECT_THAT([&] { (void)open_store(store_, place_); },
+              ThrowsSaying<maps::InputError>({"s3://maps/fleet", "s3://maps/elsewhere"}));
+}
+
+TEST_F(BlobPlaceTest, AMoveThatFailedMayBeRepeated) {
+  { PackageStore(store_, calls_).add("yard", "1", package(1)); }
+  place_.s3.credentials_file = (folder_.path() / "none").string();
+  EXPECT_THROW((void)move_to_s3(store_, place_), maps::StorageError);
+  EXPECT_THAT(verify_store(open_store(store_)), IsEmpty());
+  place_.s3.credentials_file = options_.s3.credentials_file.string();
+  EXPECT_EQ(move_to_s3(store_, place_), 1U);
+  EXPECT_THAT(verify_store(open_store(store_)), IsEmpty());
+}
+
+TEST_F(BlobPlaceTest, AServerWithoutCredentialsDoesNotStart) {
+  place_.s3.credentials_file = (folder_.path() / "none").string();
+  EXPECT_THAT([&] { (void)open_store(store_, place_); },
+              ThrowsSaying<maps::StorageError>({place_.s3.credentials_file}));
+  EXPECT_FALSE(fs::exists(store_ / "blobs.json"));
 }
 
 }  // namespace s3_packages_test
