@@ -38,11 +38,10 @@ std::string cleared_json(const ClearedPackages& cleared,
   Json versions = Json::array();
   for (const RemovedVersion& each : removed)
     versions.push_back({{"map", each.map}, {"version", each.version}});
-  return to_text({{"versions", versions},
-                  {"packages", cleared.packages},
-                  {"leftovers", cleared.leftovers},
-                  {"blobs", cleared.blobs}},
-                 kIndent);
+  Json json = {
+      {"versions", versions}, {"packages", cleared.packages}, {"leftovers", cleared.leftovers}};
+  if (cleared.blobs) json["blobs"] = *cleared.blobs;
+  return to_text(json, kIndent);
 }
 
 std::string sent_json(std::size_t packages) { return to_text({{"packages", packages}}, kIndent); }

@@ -124,8 +124,8 @@ void gc(const StoreArguments& arguments) {
     text += fmt::format("removed version {} of {}\n", each.version, each.map);
   for (const std::string& digest : cleared.packages)
     text += fmt::format("removed package {}, which no version uses\n", digest);
-  if (store.blobs() != nullptr)
-    text += fmt::format("removed {} objects that no package has", cleared.blobs);
+  if (cleared.blobs)
+    text += fmt::format("removed {} objects that no package had", *cleared.blobs);
   else
     text += fmt::format("removed {} unused packages and {} leftovers of interrupted writes",
                         cleared.packages.size(), cleared.leftovers);

@@ -227,7 +227,7 @@ void PackageStore::refuse_lost_state() const {
 std::shared_ptr<const maps::MapPackage> PackageStore::open(std::string_view map,
                                                            std::string_view version) const {
   const PackageBlobs::Local found = local(state_->version(map, version).digest);
-  const std::shared_ptr<const maps::MapPackage> package = maps::MapPackage::open(found.folder);
+  std::shared_ptr<const maps::MapPackage> package = maps::MapPackage::open(found.folder);
   if (!found.pin) return package;
   // It stays on the disk while it is open.
   struct Pinned {

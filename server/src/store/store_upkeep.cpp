@@ -42,7 +42,7 @@ ClearedPackages clear_unused(PackageStore& store) {
     if (PackageBlobs* const blobs = store.blobs()) {
       const std::vector<std::string> unnamed = blobs->unnamed(store.state().files());
       blobs->remove_blobs(unnamed);
-      cleared.blobs += unnamed.size();
+      cleared.blobs = cleared.blobs.value_or(0) + unnamed.size();
       return;
     }
     if (cleared.packages.empty()) cleared.packages = unnamed_packages(store);
