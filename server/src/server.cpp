@@ -1,6 +1,7 @@
 #include <stillmap/server/server.hpp>
 
 #include <stillmap/maps/error.hpp>
+#include "blobs/blob_place.hpp"
 #include "http/http_server.hpp"
 #include "management.hpp"
 #include "store/folder_lock.hpp"
@@ -35,7 +36,7 @@ std::optional<FolderLock> lock_for_serving(const std::filesystem::path& store) {
 struct Server::Parts {
   Parts(const ServerOptions& options, const std::filesystem::path& folder,
         const std::filesystem::path& web, StoreChanges changes)
-      : store(folder),
+      : store(changes == StoreChanges::kTaken ? open_store(folder, options) : PackageStore(folder)),
         host(options.host),
         allow_without_keys(options.allow_without_keys),
         serving(lock_for_serving(folder)),
@@ -86,7 +87,10 @@ struct Server::Parts {
 Server::Server(const ServerOptions& options, const std::filesystem::path& store,
                const std::filesystem::path& web, StoreChanges changes)
     : parts_(std::make_unique<Parts>(options, store, web, changes)) {}
-Server::~Server() = default;
+Server::~Server() {
+  // Its threads may wait for blobs.
+  if (PackageBlobs* const blobs = parts_->store.blobs()) blobs->stop();
+}
 
 int Server::bind() {
   parts_->require_keys();

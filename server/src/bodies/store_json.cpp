@@ -38,10 +38,13 @@ std::string cleared_json(const ClearedPackages& cleared,
   Json versions = Json::array();
   for (const RemovedVersion& each : removed)
     versions.push_back({{"map", each.map}, {"version", each.version}});
-  return to_text(
-      {{"versions", versions}, {"packages", cleared.packages}, {"leftovers", cleared.leftovers}},
-      kIndent);
+  Json json = {
+      {"versions", versions}, {"packages", cleared.packages}, {"leftovers", cleared.leftovers}};
+  if (cleared.blobs) json["blobs"] = *cleared.blobs;
+  return to_text(json, kIndent);
 }
+
+std::string sent_json(std::size_t packages) { return to_text({{"packages", packages}}, kIndent); }
 
 std::string removed_json(const RemovedVersion& removed, bool package_gone) {
   return to_text(

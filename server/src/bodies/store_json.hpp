@@ -43,6 +43,7 @@ struct MapWithVersions {
                                           std::uint64_t bytes);
 [[nodiscard]] std::string cleared_json(const ClearedPackages& cleared,
                                        const std::vector<RemovedVersion>& removed);
+[[nodiscard]] std::string sent_json(std::size_t packages);
 /// @param package_gone  as of `PackageStore::remove`.
 [[nodiscard]] std::string removed_json(const RemovedVersion& removed, bool package_gone);
 [[nodiscard]] std::string made_anew_json(const std::vector<MadeAnew>& all);

@@ -396,7 +396,7 @@ void MapCatalog::notice_trust() {
 
 /// As clients are told, health without a key too: places of this machine stay in the log.
 std::string MapCatalog::shown(const std::exception& error) const {
-  return without_folder(error.what(), store_.folder());
+  return without_places(error.what(), store_);
 }
 
 /// @throws StoreRefusal when the store knows no such version.
@@ -411,6 +411,9 @@ MapCatalog::Slot MapCatalog::opened(const Key& key) const {
     spdlog::error("{} cannot be opened: {}", version_text(key.first, key.second), error.what());
     slot.served.state = MapState::kFailed;
     slot.served.failure = shown(error);
+    // What cannot be fetched now may be fetched soon: it is opened again, as if it were another
+    // one.
+    if (store_.blobs() != nullptr) slot.served.copy = 0;
   }
   return slot;
 }

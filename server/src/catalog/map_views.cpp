@@ -128,11 +128,11 @@ DifferenceState MapViews::difference(const ComparedVersions& pair) {
     differences_.put(name, ready);
     return {std::move(ready), 1.0};
   }
-  const auto work = [this, first = pair.version.package->folder(),
-                     second = pair.other.package->folder(),
+  // Both stay open, so that they stay on the disk.
+  const auto work = [this, first = pair.version.package, second = pair.other.package,
                      tolerance_m = pair.tolerance_m](const maps::DerivedWork& how) {
-    const auto version = maps::MapPackage::open(first);
-    const auto other = maps::MapPackage::open(second);
+    const auto version = maps::MapPackage::open(first->folder());
+    const auto other = maps::MapPackage::open(second->folder());
     if (opened_difference(*version, *other, tolerance_m)) return;
     maps::require_whole_tiles(*version, how);
     maps::require_whole_tiles(*other, how);

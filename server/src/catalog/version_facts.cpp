@@ -65,7 +65,7 @@ std::shared_ptr<const VersionFacts> VersionFactsTable::of(const std::string& map
     if (found != by_digest_.end()) return found->second;
   }
   const auto facts =
-      std::make_shared<const VersionFacts>(facts_of(store_.open(map, version.name)->manifest()));
+      std::make_shared<const VersionFacts>(facts_of(store_.manifest(map, version.name)));
   const std::scoped_lock lock(mutex_);
   if (by_digest_.size() >= kMostKept) by_digest_.clear();
   return by_digest_.try_emplace(version.digest, facts).first->second;

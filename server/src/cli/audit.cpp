@@ -1,3 +1,4 @@
+#include "blobs/blob_place.hpp"
 #include "store/package_store.hpp"
 
 #include <fmt/core.h>
@@ -30,7 +31,7 @@ std::string text_of(const server::AuditLog::Check& check) {
 
 void verify(const AuditArguments& arguments) {
   require_store(arguments.store);
-  server::PackageStore store(arguments.store);
+  server::PackageStore store = server::open_store(arguments.store);
   const server::AuditLog::Check check = store.audit().check();
   arguments.json.write(server::audit_check_json(check));
   if (!arguments.json.replaces_text()) fmt::print("{}\n", text_of(check));
@@ -39,7 +40,7 @@ void verify(const AuditArguments& arguments) {
 
 void export_lines(const AuditArguments& arguments) {
   require_store(arguments.store);
-  server::PackageStore store(arguments.store);
+  server::PackageStore store = server::open_store(arguments.store);
   store.audit().for_each([](const server::AuditRecord& record, const std::string& before) {
     fmt::print("{}\n", server::audit_line(record, before));
   });

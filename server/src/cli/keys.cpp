@@ -1,3 +1,4 @@
+#include "blobs/blob_place.hpp"
 #include "store/package_store.hpp"
 
 #include <fmt/chrono.h>
@@ -49,7 +50,7 @@ void create(const KeyArguments& arguments) {
   if (arguments.expires_days)
     expires = now + *arguments.expires_days * std::int64_t{86'400'000'000'000};
   server::PackageStore::make_folder(arguments.store);
-  server::PackageStore store(arguments.store);
+  server::PackageStore store = server::open_store(arguments.store);
   const server::KeyTable::Created created =
       store.keys().create(arguments.name, scopes, expires, now, arguments.maps);
   arguments.json.write(server::created_key_json(created));
@@ -76,7 +77,7 @@ std::string text_of(const server::ApiKey& key) {
 
 void list(const KeyArguments& arguments) {
   require_store(arguments.store);
-  server::PackageStore store(arguments.store);
+  server::PackageStore store = server::open_store(arguments.store);
   const std::vector<server::ApiKey> keys = store.keys().list();
   arguments.json.write(server::keys_json(keys));
   if (arguments.json.replaces_text()) return;
@@ -87,7 +88,7 @@ void list(const KeyArguments& arguments) {
 
 void revoke(const KeyArguments& arguments) {
   require_store(arguments.store);
-  server::PackageStore store(arguments.store);
+  server::PackageStore store = server::open_store(arguments.store);
   const server::ApiKey key = store.keys().revoke(arguments.id, server::unix_ns());
   arguments.json.write(server::key_json(key));
   if (!arguments.json.replaces_text()) fmt::print("{}  {}\n", key.id, text_of(key));

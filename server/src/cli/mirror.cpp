@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "blobs/blob_place.hpp"
 #include "command_line/progress_bar.hpp"
 #include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
@@ -79,7 +80,7 @@ void mirror(MirrorCommand& asked) {
   const char* const key = std::getenv(kKeyVariable);
   const auto source = server::http_source(asked.url, key == nullptr ? "" : key, asked.vehicle);
   server::PackageStore::make_folder(asked.store);
-  server::PackageStore store(asked.store);
+  server::PackageStore store = server::open_store(asked.store);
   command_line::cancel_on_signals();
   command_line::say_when_cancelled(command_line::goes_on_from(asked.store));
   while (mirror_once(asked, store, *source) && asked.every_s) {

@@ -11,6 +11,7 @@
 #include <stillmap/server/server.hpp>
 #include <string>
 #include <thread>
+#include "blobs/blob_place.hpp"
 #include "store/package_store.hpp"
 #include "store/postgres_database.hpp"
 #include "store/single_map_store.hpp"
@@ -173,7 +174,11 @@ void run_server(const server::ConfigSources& sources, const server::ServerOption
   if (!started.state.empty())
     server::PackageStore::attach(started.store, server::PostgresAddress(started.state));
   // Waits for who restores it, while signals still end this process.
-  { const server::PackageStore restored(started.store); }
+  {
+    const server::PackageStore restored = single == nullptr
+                                              ? server::open_store(started.store, started)
+                                              : server::PackageStore(started.store);
+  }
   SignalLoop::block();
   server::LogOutput log(started.log);
   if (made_store) spdlog::info("made the folder {} for a new store", started.store);
@@ -240,6 +245,9 @@ void serve_map(const std::string& map, server::ConfigSources sources,
                     "out --store and "
                     "the configuration's store",
                     map, options.store));
+  if (!options.blobs.empty())
+    throw std::invalid_argument("blobs: a map that is served by itself is in its folder; leave " +
+                                options.blobs + " out");
   const server::SingleMapStore single(map);
   sources.flags["store"] = single.folder().string();
   options.store = single.folder().string();

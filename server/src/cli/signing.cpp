@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "blobs/blob_place.hpp"
 #include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/table.hpp"
@@ -71,7 +72,7 @@ void sign_digest(const SigningArguments& arguments) {
 void sign_version(const SigningArguments& arguments) {
   require_store(arguments.store);
   const auto key = server::SigningKey::read(arguments.key);
-  server::PackageStore store(arguments.store);
+  server::PackageStore store = server::open_store(arguments.store);
   const auto version = store.state().version(arguments.map, arguments.version);
   const auto signature = sign_map(key, arguments.map, version.digest);
   store.signatures().add(arguments.map, version.digest, {signature});
@@ -83,7 +84,7 @@ void rotate(const SigningArguments& arguments) {
   require_store(arguments.store);
   const auto key = server::SigningKey::read(arguments.key);
   const server::PublicKeys former = server::read_public_keys(arguments.former);
-  server::PackageStore store(arguments.store);
+  server::PackageStore store = server::open_store(arguments.store);
   std::size_t versions = 0;
   for (const server::StoredMap& map : store.state().maps()) {
     for (const server::StoredVersion& version : store.state().versions(map.name)) {

@@ -1,6 +1,7 @@
 #include <stillmap/localization/map_index.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_levels.hpp>
+#include "blobs/blob_place.hpp"
 #include "store/free_bytes.hpp"
 #include "store/package_store.hpp"
 #include "store/postgres_database.hpp"
@@ -16,10 +17,13 @@
 #include <algorithm>
 #include <array>
 #include <ctime>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -30,6 +34,7 @@
 #include "command_line/result_output.hpp"
 #include "command_line/run_program.hpp"
 #include "commands.hpp"
+#include "config/option_table.hpp"
 
 namespace stillmap::cli {
 namespace {
@@ -45,6 +50,8 @@ struct StoreArguments {
   bool activate = false;
   bool reread = false;
   bool dry_run = false;
+  /// Of the options that say where packages are, by key.
+  std::map<std::string, std::string> place;
   command_line::JsonOutput json;
 };
 
@@ -76,7 +83,7 @@ std::string line_of(const server::StoredMap& map, const server::StoredVersion& v
 /// All maps, or the one that is named.
 void list(const StoreArguments& arguments) {
   require_store(arguments.store);
-  const PackageStore store(arguments.store);
+  const PackageStore store = server::open_store(arguments.store);
   std::vector<server::MapWithVersions> all;
   for (const server::StoredMap& map :
        arguments.map.empty() ? store.state().maps()
@@ -95,7 +102,7 @@ void list(const StoreArguments& arguments) {
 
 void verify(const StoreArguments& arguments) {
   require_store(arguments.store);
-  const PackageStore store(arguments.store);
+  const PackageStore store = server::open_store(arguments.store);
   const std::vector<server::StoreProblem> problems = server::verify_store(store);
   std::string text = problems.empty() ? "every package is as it was added" : "";
   for (const server::StoreProblem& problem : problems)
@@ -108,7 +115,7 @@ void verify(const StoreArguments& arguments) {
 
 void gc(const StoreArguments& arguments) {
   require_store(arguments.store);
-  PackageStore store(arguments.store);
+  PackageStore store = server::open_store(arguments.store);
   std::vector<server::RemovedVersion> removed;
   if (arguments.keep)
     for (const server::StoredMap& map : store.state().maps())
@@ -120,8 +127,11 @@ void gc(const StoreArguments& arguments) {
     text += fmt::format("removed version {} of {}\n", each.version, each.map);
   for (const std::string& digest : cleared.packages)
     text += fmt::format("removed package {}, which no version uses\n", digest);
-  text += fmt::format("removed {} unused packages and {} leftovers of interrupted writes",
-                      cleared.packages.size(), cleared.leftovers);
+  if (cleared.blobs)
+    text += fmt::format("removed {} objects that no package had", *cleared.blobs);
+  else
+    text += fmt::format("removed {} unused packages and {} leftovers of interrupted writes",
+                        cleared.packages.size(), cleared.leftovers);
   print(arguments.json, server::cleared_json(cleared, removed), text);
 }
 
@@ -157,7 +167,7 @@ std::string text_of(const server::MadeAnew& made) {
 
 void reindex(const StoreArguments& arguments) {
   require_store(arguments.store);
-  const PackageStore store(arguments.store);
+  const PackageStore store = server::open_store(arguments.store);
   std::set<std::string> done;
   std::vector<server::MadeAnew> all;
   std::string text;
@@ -206,7 +216,7 @@ std::string text_of(const server::Migration& migration) {
 
 void migrate(const StoreArguments& arguments) {
   require_store(arguments.store);
-  PackageStore store(arguments.store);
+  PackageStore store = server::open_store(arguments.store);
   const server::MigrationPlan plan = server::plan_migration(store);
   if (arguments.dry_run) {
     const std::uint64_t free = server::free_bytes(arguments.store);
@@ -231,9 +241,32 @@ void migrate(const StoreArguments& arguments) {
   if (!migration.left.empty()) throw command_line::ExitCode{exit_code::kFailed};
 }
 
+void to_s3(const StoreArguments& arguments) {
+  require_store(arguments.store);
+  server::ServerOptions options;
+  for (const auto& [key, text] : arguments.place) {
+    if (text.empty()) continue;
+    const server::Option& option = *server::find_option(key);
+    const auto value = server::read_value(option, text);
+    if (!value || !option.set(options, *value))
+      throw std::invalid_argument(option.flag() + ": '" + text + "', expected " +
+                                  option.expected());
+  }
+  std::size_t sent = 0;
+  {
+    command_line::ProgressBar bar;
+    sent = server::move_to_s3(arguments.store, options, [&](std::size_t done, std::size_t total) {
+      bar.update("send", done, total, "packages");
+    });
+  }
+  print(arguments.json, server::sent_json(sent),
+        fmt::format("{} packages are in {} now, and no longer in the store's folder", sent,
+                    options.blobs));
+}
+
 void backup(const StoreArguments& arguments) {
   require_store(arguments.store);
-  const PackageStore store(arguments.store);
+  const PackageStore store = server::open_store(arguments.store);
   if (arguments.reread) server::drop_damaged_of_backup(arguments.folder);
   const server::BackedUp done = server::back_up_store(store, arguments.folder);
   print(arguments.json, server::backup_json(done),
@@ -250,7 +283,7 @@ void attach(const StoreArguments& arguments) {
   PackageStore::make_folder(arguments.store);
   const server::PostgresAddress address(arguments.address);
   PackageStore::attach(arguments.store, address);
-  const PackageStore store(arguments.store);
+  const PackageStore store = server::open_store(arguments.store);
   print(arguments.json, server::attached_json(address.name()),
         fmt::format("{} has its state in {}", arguments.store.string(), address.name()));
 }
@@ -266,7 +299,7 @@ void copy(const StoreArguments& arguments) {
 
 void add(const StoreArguments& arguments) {
   PackageStore::make_folder(arguments.store);
-  PackageStore store(arguments.store);
+  PackageStore store = server::open_store(arguments.store);
   const PackageStore::Added added = store.add(arguments.map, arguments.version, arguments.folder);
   if (arguments.activate) store.activate(arguments.map, arguments.version);
   print(arguments.json, server::added_json(arguments.map, added),
@@ -276,7 +309,7 @@ void add(const StoreArguments& arguments) {
 
 void activate(const StoreArguments& arguments) {
   require_store(arguments.store);
-  PackageStore store(arguments.store);
+  PackageStore store = server::open_store(arguments.store);
   const server::StoredMap map = store.activate(arguments.map, arguments.version);
   print(arguments.json, server::stored_map_json(map),
         fmt::format("{} {} is active, revision {}", map.name, *map.active, map.revision));
@@ -284,7 +317,7 @@ void activate(const StoreArguments& arguments) {
 
 void rollback(const StoreArguments& arguments) {
   require_store(arguments.store);
-  PackageStore store(arguments.store);
+  PackageStore store = server::open_store(arguments.store);
   const server::StoredMap map = store.roll_back(arguments.map);
   print(arguments.json, server::stored_map_json(map),
         fmt::format("{} {} is active again, revision {}", map.name, *map.active, map.revision));
@@ -292,7 +325,7 @@ void rollback(const StoreArguments& arguments) {
 
 void remove(const StoreArguments& arguments) {
   require_store(arguments.store);
-  PackageStore store(arguments.store);
+  PackageStore store = server::open_store(arguments.store);
   const bool gone = store.remove(arguments.map, arguments.version);
   print(arguments.json, server::removed_json({arguments.map, arguments.version}, gone),
         fmt::format("{} {} is removed{}", arguments.map, arguments.version,
@@ -334,6 +367,21 @@ void add_restore(CLI::App& group, const Arguments& arguments) {
   command->callback([arguments] { restore(*arguments); });
 }
 
+void add_to_s3(CLI::App& group, const Arguments& arguments) {
+  CLI::App* command = add_command(
+      group, arguments,
+      {"to-s3",
+       "Move all packages from the store's folder to S3; stop the server first. Uploaded drives "
+       "stay in the folder",
+       to_s3});
+  for (const std::string_view key : server::place_keys()) {
+    const server::Option& option = *server::find_option(key);
+    CLI::Option* const added = command->add_option(
+        option.flag(), arguments->place[std::string(key)], std::string(option.text));
+    if (key == "blobs" || key == "s3.endpoint") added->required();
+  }
+}
+
 /// What looks after a store as a whole.
 void add_upkeep(CLI::App& group, const Arguments& arguments) {
   add_command(group, arguments,
@@ -368,6 +416,7 @@ void add_upkeep(CLI::App& group, const Arguments& arguments) {
       "Recompute the checksums of packages from an earlier backup, and copy damaged ones "
       "again");
   add_restore(group, arguments);
+  add_to_s3(group, arguments);
 }
 
 /// What concerns a state in PostgreSQL.

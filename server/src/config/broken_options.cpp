@@ -29,6 +29,8 @@ class Together {
 };
 
 void check_together(const ServerOptions& o, Together together) {
+  together.unless(o.blobs.empty() || !o.s3.endpoint.empty(), "s3.endpoint", "blobs",
+                  "the address of the S3 server");
   together.unless(o.allow_remote || is_loopback(o.host), "host", "allow_remote",
                   "a loopback address, or for clients on other machines allow_remote and a key "
                   "(stillmap keys create)");

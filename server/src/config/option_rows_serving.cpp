@@ -14,6 +14,40 @@ std::vector<Option> listening_options() {
        .text = "Address of a database of PostgreSQL (postgres://USER@HOST/DATABASE) that holds the "
                "state of the store, shared with other servers; a password belongs into ~/.pgpass. "
                "Empty: the state lies in the store's folder, or where that was attached to."},
+      {.key = "blobs",
+       .field = at(&S::blobs),
+       .text = "Where the files of packages are: `s3://BUCKET/PREFIX`. Empty means in the store's "
+               "folder, or where the store says that they are ([blobs](docs/blobs.md))."},
+      {.key = "cache",
+       .field = at(&S::cache),
+       .text =
+           "Folder for files of packages that are in S3, on a local disk; empty means `cache` in "
+           "the store."},
+      {.key = "cache_bytes",
+       .field = at(&S::cache_bytes),
+       .least = kMiB,
+       .most = kMostBytes,
+       .unit = "bytes",
+       .text = "Most that the cache holds. The versions that are served, and one more, must fit."},
+      {.key = "s3.endpoint",
+       .field = at(&S::s3, &S3ServerOptions::endpoint),
+       .text = "Address of the server of S3, such as https://HOST or http://127.0.0.1:9000."},
+      {.key = "s3.region",
+       .field = at(&S::s3, &S3ServerOptions::region),
+       .text = "Region for which requests are signed."},
+      {.key = "s3.virtual_hosted",
+       .field = at(&S::s3, &S3ServerOptions::virtual_hosted),
+       .text = "Asks BUCKET.HOST/KEY instead of HOST/BUCKET/KEY."},
+      {.key = "s3.ca_file",
+       .field = at(&S::s3, &S3ServerOptions::ca_file),
+       .text =
+           "Certificates (PEM) of authorities that are trusted for S3; empty means those of the "
+           "system."},
+      {.key = "s3.credentials_file",
+       .field = at(&S::s3, &S3ServerOptions::credentials_file),
+       .text = "File with access key and secret in AWS's format, mode 0600, read again when it "
+               "changes; empty means AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and, if it is set, "
+               "AWS_SESSION_TOKEN of the environment."},
       {.key = "localization_options_dir",
        .field = at(&S::localization_options_dir),
        .text = "Folder with options of localization: a file MAP.json for each map that needs its "

@@ -5,6 +5,9 @@
 #include <array>
 #include <string>
 #include <string_view>
+#include <utility>
+
+#include "store/package_store.hpp"
 
 namespace stillmap::server {
 namespace {
@@ -74,6 +77,14 @@ std::string without_folder(std::string text, const std::filesystem::path& folder
     }
   }
   return text;
+}
+
+std::string without_places(std::string text, const PackageStore& store) {
+  // Of blobs: which server has them is nobody's to know.
+  if (text.starts_with("s3://"))
+    return "its files cannot be fetched just now; the log of the server says why";
+  return without_folder(without_folder(std::move(text), store.packages().path().parent_path()),
+                        store.folder());
 }
 
 }  // namespace stillmap::server

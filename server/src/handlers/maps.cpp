@@ -179,7 +179,7 @@ DescribedVersion describe_version(const Context& context, const std::string& map
     // Removed just now.
   } catch (const std::exception& error) {
     found.state = name_of(MapState::kFailed);
-    found.failure = without_folder(error.what(), context.store.folder());
+    found.failure = without_places(error.what(), context.store);
   }
   return found;
 }

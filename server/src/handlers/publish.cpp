@@ -101,7 +101,7 @@ HttpResponse publish_bytes(const Context& context, const Publication& wanted) {
 }
 
 HttpResponse publish(const Context& context, const Publication& wanted) {
-  return with_upload_errors(context.store.folder(), [&] { return publish_bytes(context, wanted); });
+  return with_upload_errors(context.store, [&] { return publish_bytes(context, wanted); });
 }
 
 }  // namespace stillmap::server

@@ -69,7 +69,7 @@ HttpResponse complete_upload(const Context& context, const HttpRequest& request,
                              const PathParameters& path) {
   const StoredDrive upload = find_upload(context, path);
   if (upload.status == DriveStatus::kComplete) return answer_completed(context, upload);
-  return with_upload_errors(context.store.folder(), [&] {
+  return with_upload_errors(context.store, [&] {
     std::optional<HttpResponse> response;
     context.drives.complete_upload(upload.id, [&](const ByteSource& source, std::uint64_t bytes) {
       response = publish_bytes(context, {.map = upload.map,

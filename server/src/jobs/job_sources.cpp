@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <stillmap/maps/error.hpp>
+#include "store/package_copy.hpp"
 #include "store/package_hold.hpp"
 
 #include <filesystem>
@@ -12,10 +13,6 @@ namespace stillmap::server {
 namespace {
 
 namespace fs = std::filesystem;
-
-fs::path package_of(const PackageStore& store, const std::string& digest) {
-  return store.folder() / "packages" / digest;
-}
 
 /// Digest of the version whose frame the new map is brought into, where it is brought into one.
 std::optional<std::string> active_digest(const PackageStore& store, const std::string& map,
@@ -33,11 +30,27 @@ RebuildSources drives_of(const DriveStore& drives, const RebuildRequest& request
   return sources;
 }
 
+void copy_whole(const fs::path& package, const fs::path& folder) {
+  const DurableFiles files(DiskCalls::real());
+  const fs::path half = folder.string() + ".new";
+  if (fs::exists(half)) files.remove_tree(half);
+  files.make_folder(half);
+  (void)copy_package(package, half, files);
+  files.rename(half, folder);
+}
+
 /// Where a job reads a package that may be removed meanwhile: what it reads must stay.
-fs::path held(const fs::path& package, const fs::path& folder) {
+fs::path held(const PackageStore& store, const std::string& digest, const fs::path& folder) {
   if (fs::exists(folder)) return folder;
+  const PackageBlobs::Local local = store.local(digest);
+  const fs::path& package = local.folder;
   try {
     if (hold_package(package, folder)) return folder;
+    if (local.pin) {
+      // It may leave this disk before the job ends.
+      copy_whole(package, folder);
+      return folder;
+    }
     spdlog::info("{}: on another disk, so that it must stay where it is", package.string());
   } catch (const maps::StorageError& error) {
     spdlog::warn("{} must stay where it is: {}", package.string(), error.what());
@@ -54,7 +67,7 @@ fs::path previous_of(const JobFolder& folder, const PackageStore& store,
   if (!goes_on) clear_folder(own);
   const std::string digest = goes_on ? *noted : active;
   write_small_file(folder.previous(), digest);
-  return held(package_of(store, digest), own);
+  return held(store, digest, own);
 }
 
 }  // namespace
@@ -63,7 +76,7 @@ RebuildSources sources_now(const JobSetup& setup, const std::string& map,
                            const RebuildRequest& request) {
   RebuildSources sources = drives_of(setup.drives, request);
   if (const auto active = active_digest(setup.store, map, request))
-    sources.previous = package_of(setup.store, *active);
+    sources.previous = setup.store.local(*active).folder;
   return sources;
 }
 

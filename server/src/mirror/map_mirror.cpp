@@ -147,8 +147,7 @@ class Mirror {
                              "a place in the map: coordinates are those of the map frame");
     if (const auto active = base();
         active &&
-        maps::part_in(maps::MapPackage::open(store_.packages().path_of(*active))->manifest()) ==
-            part)
+        maps::part_in(maps::MapPackage::open(store_.local(*active).folder)->manifest()) == part)
       return false;
     for (const auto& [path, file] : maps::files_but_packs(manifest, part.regions))
       if (path.ends_with(".node")) fetch(folder_ / path, file, /*size_is_known=*/true);
@@ -182,9 +181,11 @@ class Mirror {
   /// Fetches what is missing beside a version that is there, and publishes it.
   void publish(const maps::MapManifest& manifest, const std::optional<std::string>& beside) {
     std::optional<fs::path> other;
+    PackageBlobs::Local local;
     auto missing = manifest.files;
     if (beside) {
-      other = store_.packages().path_of(*beside);
+      local = store_.local(*beside);
+      other = local.folder;
       missing = maps::package_delta(maps::MapPackage::open(*other)->manifest(), manifest).missing;
     }
     total_ = done_ = 0;

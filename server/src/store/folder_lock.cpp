@@ -4,6 +4,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -37,6 +38,13 @@ std::optional<FolderLock> FolderLock::try_folder(const std::filesystem::path& fo
 
 FolderLock::~FolderLock() {
   if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+bool FolderLock::is_of(const std::filesystem::path& path) const {
+  struct stat own {};
+  struct stat found {};
+  return ::fstat(descriptor_, &own) == 0 && ::stat(path.c_str(), &found) == 0 &&
+         own.st_dev == found.st_dev && own.st_ino == found.st_ino;
 }
 
 FolderLock::FolderLock(FolderLock&& other) noexcept

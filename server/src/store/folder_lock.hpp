@@ -16,6 +16,8 @@ class FolderLock {
   static std::optional<FolderLock> try_folder(const std::filesystem::path& folder,
                                               Kind kind = Kind::kExclusive);
   ~FolderLock();
+  /// Whether the path still leads to what is locked.
+  [[nodiscard]] bool is_of(const std::filesystem::path& path) const;
   FolderLock(FolderLock&& other) noexcept;
   FolderLock& operator=(FolderLock&& other) noexcept;
   FolderLock(const FolderLock&) = delete;

@@ -75,21 +75,22 @@ std::set<std::string> drop_others(const fs::path& unpacked, const ArchiveFiles& 
 }
 
 /// Puts known files to their places where none was sent.
-void take_known(const maps::MapManifest& manifest, const KnownFiles& known, const std::string& root,
+void take_known(const maps::MapManifest& manifest, const FindFile& known, const std::string& root,
                 const fs::path& unpacked, const DurableFiles& disk, ArchiveFiles& found) {
   for (const auto& [path, listed] : manifest.files) {
-    const auto at = known.find(listed.sha256);
-    if (at == known.end() || found.files.contains(root + path)) continue;
+    if (!known || found.files.contains(root + path)) continue;
+    const std::optional<fs::path> at = known(listed);
+    if (!at) continue;
     const std::string place = root + path;
     for (std::size_t end = place.find('/'); end != place.npos; end = place.find('/', end + 1)) {
       const std::string folder = place.substr(0, end);
       if (found.folders.insert(folder).second) disk.make_folder(unpacked / folder);
     }
     // What lies there may be damaged since.
-    maps::MapManifest::File copied{listed.bytes, maps::sha256_of_file(at->second)};
+    maps::MapManifest::File copied{listed.bytes, maps::sha256_of_file(*at)};
     if (copied.sha256 != listed.sha256) continue;
-    if (!disk.link(at->second, unpacked / place))
-      copied = copy_file(at->second, unpacked / place, listed.bytes, disk);
+    if (!disk.link(*at, unpacked / place))
+      copied = copy_file(*at, unpacked / place, listed.bytes, disk);
     found.files.emplace(place, std::move(copied));
   }
 }
@@ -98,7 +99,7 @@ void take_known(const maps::MapManifest& manifest, const KnownFiles& known, cons
 
 IncomingPackage keep_package(const fs::path& unpacked, const ArchiveFiles& sent,
                              const std::string& name, const DurableFiles& disk,
-                             const KnownFiles& known) {
+                             const FindFile& known) {
   ArchiveFiles found = sent;
   const std::string root = find_root(found, name);
   const std::string manifest_path = root + maps::kManifestName;

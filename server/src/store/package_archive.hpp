@@ -3,10 +3,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace stillmap::server {
@@ -45,6 +47,8 @@ class PackageArchive {
   /// another size, or cannot be read.
   std::size_t read(std::uint64_t offset, std::span<char> into);
 
+  /// Holds something as long as this: what keeps the package where it is.
+  void keep(std::shared_ptr<void> pin) { pins_.push_back(std::move(pin)); }
   /// Of all files as they lie now: another text when one of them was written or replaced.
   [[nodiscard]] std::string files_state() const;
   /// Reads all files and compares them with their checksums. @return the path of the first that
@@ -63,6 +67,7 @@ class PackageArchive {
   void open_file(std::size_t index);
   void read_file(std::size_t index, std::uint64_t from, std::span<char> into);
 
+  std::vector<std::shared_ptr<void>> pins_;
   std::filesystem::path package_;
   std::string digest_, without_;
   std::vector<Entry> entries_;

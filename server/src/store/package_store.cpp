@@ -104,20 +104,24 @@ std::optional<PostgresAddress> state_address(const fs::path& folder) {
 
 }  // namespace
 
-PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
+PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls,
+                           std::unique_ptr<PackageBlobs> blobs)
     : folder_(fs::absolute(folder).lexically_normal()),
       calls_(&calls),
-      packages_(folder_ / kPackagesName, calls) {
+      blobs_(std::move(blobs)),
+      packages_(blobs_ ? blobs_->packages() : folder_ / kPackagesName, calls) {
   if (is_there(folder_ / kBackupMark))
     throw maps::InputError(folder_.string(), "a backup of a store",
                            "a store: restore it elsewhere");
   std::optional<FolderLock> lock;
   try {
     lock.emplace(folder_ / kLockName);
-    refuse_lost_state();
-    const DurableFiles files(calls);
-    // Before the state: where there is a state, there is a folder for its packages.
-    if (files.make_folder(packages_.path())) files.sync_folder(folder_);
+    if (!blobs_) {
+      refuse_lost_state();
+      const DurableFiles files(calls);
+      // Before the state: where there is a state, there is a folder for its packages.
+      if (files.make_folder(packages_.path())) files.sync_folder(folder_);
+    }
   } catch (const maps::StorageError& error) {
     open_read_only(error);
     return;
@@ -126,7 +130,8 @@ PackageStore::PackageStore(const fs::path& folder, DiskCalls& calls)
     state_ = std::make_unique<StoreState>(*address);
   else
     state_ = std::make_unique<StoreState>(folder_ / kStateName, calls);
-  if (!read_only_because().empty()) return;
+  // What is elsewhere may be out of reach, which must not hold up the start.
+  if (!read_only_because().empty() || blobs_) return;
   try {
     clear_condemned();
     packages_.clear_leftovers();
@@ -245,7 +250,7 @@ void PackageStore::check_disk_reserve(const fs::path& folder, std::uint64_t more
 
 ByteSource PackageStore::leaving_reserve(const ByteSource& source) const {
   return [this, source](std::span<char> to) {
-    check_disk_reserve(0);
+    check_disk_reserve(blobs_ ? packages_.path() : folder_, 0);
     return source(to);
   };
 }
@@ -265,12 +270,67 @@ void PackageStore::refuse_lost_state() const {
 
 std::shared_ptr<const maps::MapPackage> PackageStore::open(std::string_view map,
                                                            std::string_view version) const {
-  return maps::MapPackage::open(packages_.path_of(state_->version(map, version).digest));
+  const PackageBlobs::Local found = local(state_->version(map, version).digest);
+  std::shared_ptr<const maps::MapPackage> package = maps::MapPackage::open(found.folder);
+  if (!found.pin) return package;
+  // It stays on the disk while it is open.
+  struct Pinned {
+    std::shared_ptr<void> pin;
+    std::shared_ptr<const maps::MapPackage> package;
+  };
+  const auto both = std::make_shared<Pinned>(Pinned{found.pin, package});
+  return {both, package.get()};
+}
+
+maps::MapManifest PackageStore::manifest(std::string_view map, std::string_view version) const {
+  const std::string digest = state_->version(map, version).digest;
+  if (blobs_) return blobs_->manifest(digest);
+  return maps::MapPackage::open(packages_.path_of(digest))->manifest();
+}
+
+PackageBlobs::Local PackageStore::local(const std::string& digest) const {
+  if (blobs_) return blobs_->bring(digest);
+  return {packages_.path_of(digest), nullptr};
+}
+
+std::string PackageStore::damage_of(const std::string& digest,
+                                    PackageBlobs::Verified& known) const {
+  return blobs_ ? blobs_->damage_of(digest, known) : packages_.damage_of(digest);
+}
+
+bool PackageStore::is_stored(const std::string& digest) const {
+  return blobs_ ? state_->uses(digest) : packages_.has(digest);
+}
+
+bool PackageStore::is_whole(const std::string& digest) const {
+  if (!blobs_) return packages_.has_whole(digest);
+  PackageBlobs::Verified known;
+  return state_->uses(digest) && blobs_->damage_of(digest, known).empty();
+}
+
+StoredVersion PackageStore::version_of(const std::string& digest, std::string_view name) const {
+  return version_in(local(digest).folder, name);
+}
+
+void PackageStore::send(const fs::path& package, const std::string& digest) const {
+  if (!blobs_) return;
+  // One that is used and was not found whole: each of its files may be the wrong one.
+  const bool is_damaged = state_->uses(digest);
+  blobs_->send(package, is_damaged ? FileBytes() : state_->files(), is_damaged);
+}
+
+std::unique_ptr<PackageFolder::Incoming> PackageStore::begin_incoming(
+    const DurableFiles& files) const {
+  std::optional<FolderLock> of_blobs;
+  if (blobs_) of_blobs.emplace(blobs_->locked());
+  return std::make_unique<PackageFolder::Incoming>(packages_, files);
 }
 
 std::uint64_t PackageStore::copy_of(std::string_view map, std::string_view version) const {
   struct stat found {};
   const fs::path folder = packages_.path_of(state_->version(map, version).digest);
+  // A damaged one does not come to the local disk.
+  if (blobs_) return 1;
   return ::stat(folder.c_str(), &found) == 0 ? static_cast<std::uint64_t>(found.st_ino) : 0;
 }
 
@@ -293,20 +353,21 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   const DurableFiles files(*calls_);
   std::optional<FolderLock> lock(locked());
   const auto job = maker ? std::optional(maker->job) : std::nullopt;
-  if (whole && packages_.has(wanted.digest)) return commit(map, wanted, job);
-  PackageFolder::Incoming incoming(packages_, files);
+  if (whole && is_stored(wanted.digest)) return commit(map, wanted, job);
+  const auto incoming = begin_incoming(files);
   lock.reset();
   const CopiedPackage copied =
-      copy_package(package, incoming.path(), files, [&] { refuse_unwanted(maker); });
+      copy_package(package, incoming->path(), files, [&] { refuse_unwanted(maker); });
   if (copied.digest != wanted.digest)
     throw maps::InputError((package / maps::kManifestName).string(), "a file that changes",
                            "one that does not: add it when its writer has ended");
-  check_readable(incoming.path());
+  check_readable(incoming->path());
   // A damaged copy that is being replaced gives nothing.
-  share_files(incoming.path(), files_of_versions(map, wanted.digest), files);
+  if (!blobs_) share_files(incoming->path(), files_of_versions(map, wanted.digest), files);
+  send(incoming->path(), wanted.digest);
   lock.emplace(locked());
   refuse_unwanted(maker);
-  return publish(incoming, incoming.path(), map, wanted, job);
+  return publish(*incoming, incoming->path(), map, wanted, job);
 }
 
 PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_view version,
@@ -316,44 +377,57 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   check_name("version", version);
   const DurableFiles files(*calls_);
   std::optional<FolderLock> lock(locked());
-  PackageFolder::Incoming incoming(packages_, files);
+  const auto incoming = begin_incoming(files);
+  const auto taken = blobs_ ? begin_incoming(files) : nullptr;
   lock.reset();
   const ArchiveFiles found =
       unpack_archive({leaving_reserve(archive.source), archive.name, archive.limits},
-                     incoming.path(), files, /*hashed=*/true);
+                     incoming->path(), files, /*hashed=*/true);
   if (sha256 && *sha256 != found.archive.sha256)
     throw maps::InputError(archive.name, "SHA-256 " + found.archive.sha256,
                            *sha256 + " as announced: send it again");
   const IncomingPackage package =
-      keep_package(incoming.path(), found, archive.name, files, files_of_versions(map, {}));
+      keep_package(incoming->path(), found, archive.name, files, files_to_take(map, taken.get()));
   StoredVersion wanted = version_in(package.folder, version);
   wanted.signatures = checked(package.signatures, map, wanted.digest, archive.name);
   require_trust(map, wanted);
   check_readable(package.folder);
-  share_files(package.folder, files_of_versions(map, wanted.digest), files);
+  if (!blobs_) share_files(package.folder, files_of_versions(map, wanted.digest), files);
   const bool whole = find_whole(map, wanted);
+  if (!whole) send(package.folder, wanted.digest);
   lock.emplace(locked());
-  if (whole && packages_.has(wanted.digest)) return commit(map, wanted);
-  return publish(incoming, package.folder, map, wanted);
+  if (whole && is_stored(wanted.digest)) return commit(map, wanted);
+  return publish(*incoming, package.folder, map, wanted);
 }
 
 std::unique_ptr<PackageArchive> PackageStore::archive(std::string_view map,
                                                       std::string_view version,
                                                       std::string_view without) const {
-  const fs::path package = packages_.path_of(state_->version(map, version).digest);
-  if (without.empty()) return std::make_unique<PackageArchive>(package);
-  return std::make_unique<PackageArchive>(package, path_of_version(map, without));
+  const PackageBlobs::Local package = local(state_->version(map, version).digest);
+  std::unique_ptr<PackageArchive> archive;
+  if (without.empty()) {
+    archive = std::make_unique<PackageArchive>(package.folder);
+  } else {
+    require_version_of(map, without);
+    const PackageBlobs::Local other = local(std::string(without));
+    archive = std::make_unique<PackageArchive>(package.folder, other.folder);
+  }
+  if (package.pin) archive->keep(package.pin);
+  return archive;
 }
 
 maps::PackageDelta PackageStore::delta(std::string_view map, std::string_view version,
                                        std::string_view from) const {
-  return maps::package_delta(maps::MapPackage::open(path_of_version(map, from))->manifest(),
-                             open(map, version)->manifest());
+  for (const StoredVersion& each : state_->versions(map))
+    if (each.digest == from)
+      return maps::package_delta(manifest(map, each.name), manifest(map, version));
+  require_version_of(map, from);
+  return {};
 }
 
-fs::path PackageStore::path_of_version(std::string_view map, std::string_view digest) const {
+void PackageStore::require_version_of(std::string_view map, std::string_view digest) const {
   for (const StoredVersion& version : state_->versions(map))
-    if (version.digest == digest) return packages_.path_of(digest);
+    if (version.digest == digest) return;
   throw StoreRefusal(StoreRefusal::Reason::kUnknownVersion,
                      "map '" + std::string(map) + "' has no version of the digest '" +
                          std::string(digest) + "'; ask for the whole version");
@@ -384,13 +458,19 @@ PackageStore::Added PackageStore::publish(PackageFolder::Incoming& incoming,
                                           const std::optional<JobClaim>& job) {
   state_->check_version(map, version, quota());
   const fs::path target = packages_.path_of(version.digest);
-  const bool is_first = !is_there(target);
-  incoming.publish(package, target);
+  const bool is_first = !is_stored(version.digest);
+  if (blobs_)
+    blobs_->confirm(package, state_->files());
+  else
+    incoming.publish(package, target);
   try {
     return commit(map, version, job);
   } catch (const StoreRefusal&) {
     // A part of a drive has taken the last bytes meanwhile, or the job was cancelled.
-    if (is_first) packages_.remove(version.digest);
+    if (is_first && blobs_)
+      blobs_->remove(version.digest, state_->files());
+    else if (is_first)
+      packages_.remove(version.digest);
     throw;
   }
 }
@@ -407,11 +487,38 @@ KnownFiles PackageStore::files_of_versions(std::string_view map, const std::stri
   return known;
 }
 
+FindFile PackageStore::files_to_take(std::string_view map,
+                                     const PackageFolder::Incoming* taken) const {
+  if (!blobs_)
+    return [known = files_of_versions(map, {})](
+               const maps::MapManifest::File& file) -> std::optional<fs::path> {
+      const auto found = known.find(file.sha256);
+      return found == known.end() ? std::nullopt : std::optional(found->second);
+    };
+  // Those of this map alone: an upload must not show which files others have.
+  const auto own = std::make_shared<std::optional<std::set<std::string>>>();
+  return [this, own, map = std::string(map),
+          taken](const maps::MapManifest::File& file) -> std::optional<fs::path> {
+    if (!*own) {
+      own->emplace();
+      for (const StoredMap& each : state_->maps())
+        if (each.name == map)
+          for (const StoredVersion& version : state_->versions(map))
+            for (const auto& [path, listed] : blobs_->manifest(version.digest).files)
+              (*own)->insert(listed.sha256);
+    }
+    if (!(*own)->contains(file.sha256)) return std::nullopt;
+    const fs::path to = taken->path() / file.sha256;
+    if (!is_there(to)) blobs_->bring_file(file, to);
+    return to;
+  };
+}
+
 /// Of packages that came before the store knew of files.
 void PackageStore::note_files() {
   for (const std::string& digest : state_->packages_without_files()) {
     try {
-      state_->note_files(digest, version_in(packages_.path_of(digest), {}).files);
+      state_->note_files(digest, version_of(digest, {}).files);
     } catch (const maps::InputError&) {
       // A damaged package counts when it is mended.
     }
@@ -421,11 +528,11 @@ void PackageStore::note_files() {
 /// Whether its package lies there whole, by itself or as what it was migrated to, which the version
 /// then has instead.
 bool PackageStore::find_whole(std::string_view map, StoredVersion& version) const {
-  if (packages_.has_whole(version.digest)) return true;
+  if (is_whole(version.digest)) return true;
   const std::string current = state_->current_digest(version.digest);
   if (current == version.digest) return false;
-  if (packages_.has_whole(current)) {
-    version = version_in(packages_.path_of(current), version.name);
+  if (is_whole(current)) {
+    version = version_of(current, version.name);
     return true;
   }
   const auto known = state_->find_version(map, version.name);
@@ -452,7 +559,7 @@ StoredVersion PackageStore::replace(const std::string& former, PackageFolder::In
 /// Under the lock, with the package in its place.
 PackageStore::Added PackageStore::commit(std::string_view map, const StoredVersion& version,
                                          const std::optional<JobClaim>& job) {
-  packages_.sync();
+  if (!blobs_) packages_.sync();
   const bool is_new = state_->add_version(map, version, quota(), job);
   state_->signatures().add(map, version.digest, version.signatures);
   return {state_->version(map, version.name), is_new};
@@ -482,7 +589,8 @@ bool PackageStore::remove(std::string_view map, std::string_view version) {
   const std::string digest = state_->version(map, version).digest;
   state_->remove_version(map, version);
   clear_condemned_if_possible();
-  return !packages_.has(digest);
+  if (!blobs_) return !packages_.has(digest);
+  return !state_->uses(digest) && !std::ranges::count(state_->condemned(), digest);
 }
 
 void PackageStore::remove_map(std::string_view map, WhenActive when_active) {
@@ -547,8 +655,12 @@ void PackageStore::clear_condemned_if_possible() {
 
 void PackageStore::clear_condemned() {
   for (const std::string& digest : state_->condemned()) {
-    packages_.remove(digest);
-    packages_.sync();
+    if (blobs_) {
+      blobs_->remove(digest, state_->files());
+    } else {
+      packages_.remove(digest);
+      packages_.sync();
+    }
     state_->forget_condemned(digest);
   }
 }

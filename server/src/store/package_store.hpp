@@ -4,7 +4,9 @@
 #include <stillmap/maps/package_delta.hpp>
 #include "store/archive.hpp"
 #include "store/folder_lock.hpp"
+#include "store/incoming_package.hpp"
 #include "store/package_archive.hpp"
+#include "store/package_blobs.hpp"
 #include "store/package_folder.hpp"
 #include "store/shared_files.hpp"
 #include "store/store_state.hpp"
@@ -38,8 +40,11 @@ class PackageStore {
   /// read, it is open for reading only: maps are served as they stood, and every change throws
   /// StorageError.
   /// @param calls  outlives this.
+  /// @param blobs  where packages are; nothing: in the store's folder. Who opens a store with
+  /// others than those it was made with loses its packages: see `open_store`.
   /// @throws InputError when there are packages but no state that names them, or as `StoreState`.
-  explicit PackageStore(const std::filesystem::path& folder, DiskCalls& calls = DiskCalls::real());
+  explicit PackageStore(const std::filesystem::path& folder, DiskCalls& calls = DiskCalls::real(),
+                        std::unique_ptr<PackageBlobs> blobs = {});
   ~PackageStore();
   PackageStore(const PackageStore&) = delete;
   PackageStore& operator=(const PackageStore&) = delete;
@@ -97,6 +102,11 @@ class PackageStore {
   /// @throws StoreRefusal kUnknownMap, kUnknownVersion; InputError when it is broken.
   [[nodiscard]] std::shared_ptr<const maps::MapPackage> open(std::string_view map,
                                                              std::string_view version) const;
+
+  /// Its manifest, without the rest of the package. @throws as `open`.
+  [[nodiscard]] maps::MapManifest manifest(std::string_view map, std::string_view version) const;
+  /// A package on the local disk, brought there if it is elsewhere.
+  [[nodiscard]] PackageBlobs::Local local(const std::string& digest) const;
 
   /// Tells one copy of a version's package from another: changes when a damaged one is replaced.
   /// 0 when there is none. @throws StoreRefusal kUnknownMap, kUnknownVersion.
@@ -173,6 +183,12 @@ class PackageStore {
   /// Held while packages come and go. @throws StorageError when it is open for reading only.
   [[nodiscard]] FolderLock locked() const;
   [[nodiscard]] const PackageFolder& packages() const { return packages_; }
+  /// Null when the packages are in the store's folder.
+  [[nodiscard]] PackageBlobs* blobs() const { return blobs_.get(); }
+  /// What is wrong with a package; empty when it is whole. Reads all of it.
+  /// @param known  files that were read already, where the packages are elsewhere.
+  [[nodiscard]] std::string damage_of(const std::string& digest,
+                                      PackageBlobs::Verified& known) const;
   [[nodiscard]] DiskCalls& calls() const { return *calls_; }
   /// Puts a package in place of the one that it was converted from, for all versions of that one.
   /// Nothing happens when no version holds it any more. @return digest and bytes of the new one.
@@ -188,6 +204,15 @@ class PackageStore {
   void open_read_only(const maps::StorageError& reason);
   [[nodiscard]] bool find_whole(std::string_view map, StoredVersion& version) const;
   void note_files();
+  /// Where its files must be with a row that names it. Under the lock.
+  [[nodiscard]] bool is_stored(const std::string& digest) const;
+  [[nodiscard]] bool is_whole(const std::string& digest) const;
+  [[nodiscard]] StoredVersion version_of(const std::string& digest, std::string_view name) const;
+  /// Before the lock is taken: what takes time.
+  void send(const std::filesystem::path& package, const std::string& digest) const;
+  /// For what is being written, under the lock.
+  [[nodiscard]] std::unique_ptr<PackageFolder::Incoming> begin_incoming(
+      const DurableFiles& files) const;
   [[nodiscard]] bool is_in_use(const StoredMap& map, const std::string& version) const;
   [[nodiscard]] std::optional<PublicKeys> trust() const;
   /// @param version  with the signatures that come with it, or without. @throws StoreRefusal.
@@ -197,15 +222,18 @@ class PackageStore {
   Added publish(PackageFolder::Incoming& incoming, const std::filesystem::path& package,
                 std::string_view map, const StoredVersion& version,
                 const std::optional<JobClaim>& job = {});
-  /// Where the package of a map's version with this digest lies. @throws StoreRefusal.
-  [[nodiscard]] std::filesystem::path path_of_version(std::string_view map,
-                                                      std::string_view digest) const;
+  /// @throws StoreRefusal when the map has no version of this digest.
+  void require_version_of(std::string_view map, std::string_view digest) const;
   /// Versions of a map have most of their tiles in common. @param but  a digest.
   [[nodiscard]] KnownFiles files_of_versions(std::string_view map, const std::string& but) const;
+  /// Files that an upload may leave out. @param taken  where they are put that come from elsewhere.
+  [[nodiscard]] FindFile files_to_take(std::string_view map,
+                                       const PackageFolder::Incoming* taken) const;
   void clear_condemned_if_possible();
 
   std::filesystem::path folder_;
   DiskCalls* calls_;
+  std::unique_ptr<PackageBlobs> blobs_;
   PackageFolder packages_;
   std::unique_ptr<StoreState> state_;
   std::string not_cleared_because_;

@@ -172,7 +172,6 @@ class BackupFolder {
 BackedUp back_up_store(const PackageStore& store, const fs::path& folder) {
   BackupFolder target(normal(folder), store.calls());
   const StoreState& state = store.state();
-  const PackageFolder& packages = store.packages();
   while (true) {
     BackedUp done;
     std::string broken;
@@ -184,15 +183,18 @@ BackedUp back_up_store(const PackageStore& store, const fs::path& folder) {
         continue;
       }
       try {
-        target.bring(packages.path_of(digest), digest);
+        target.bring(store.local(digest).folder, digest);
       } catch (const std::runtime_error&) {
         if (!store.read_only_because().empty()) throw;
         // Removed since the state was written? Under the lock nothing is.
         const FolderLock lock = store.locked();
         vanished = !state.uses(digest);
         if (vanished) break;
-        const std::string why = target.bring_unless_broken(
-            packages.path_of(digest), digest, [&] { return !packages.damage_of(digest).empty(); });
+        const std::string why =
+            target.bring_unless_broken(store.packages().path_of(digest), digest, [&] {
+              PackageBlobs::Verified known;
+              return !store.damage_of(digest, known).empty();
+            });
         if (!why.empty()) {
           broken += "; " + versions_with(state, digest) + " (" + why + ")";
           continue;

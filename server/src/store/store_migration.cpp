@@ -103,6 +103,9 @@ MigratedPackage migrate_package(PackageStore& store, const PackageOfVersions& fo
 }  // namespace
 
 MigrationPlan plan_migration(const PackageStore& store) {
+  if (store.blobs() != nullptr)
+    throw maps::InputError(store.folder().string(), "a store with its packages in S3",
+                           "one with all of them in its folder: migrate them before they are sent");
   MigrationPlan plan;
   RoomCount room;
   std::set<std::string> seen;

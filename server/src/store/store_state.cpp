@@ -425,6 +425,14 @@ void StoreState::note_files(std::string_view digest, const FileBytes& files) {
   writing.commit();
 }
 
+FileBytes StoreState::files() const {
+  const Reading reading(inner_->database);
+  Statement row(reading.database(), "SELECT DISTINCT sha256, bytes FROM package_files");
+  FileBytes files;
+  while (row.step()) files.emplace(row.text(0), static_cast<std::uint64_t>(row.integer(1)));
+  return files;
+}
+
 void StoreState::even_when_full(const std::function<void()>& change) {
   inner_->database.even_when_full(change);
 }

@@ -176,6 +176,8 @@ class StoreState {
   /// Packages of which it is not known which files they have: those of a store of an older schema.
   [[nodiscard]] std::vector<std::string> packages_without_files() const;
   void note_files(std::string_view digest, const FileBytes& files);
+  /// Of all packages that versions name.
+  [[nodiscard]] FileBytes files() const;
 
   /// Packages whose last version was removed, and which may lie on the disk still.
   [[nodiscard]] std::vector<std::string> condemned() const;

@@ -11,10 +11,11 @@ std::vector<StoreProblem> verify_store(const PackageStore& store) {
   for (std::string& what : state.problems()) problems.push_back({{}, {}, std::move(what)});
   // Several versions may name one package; it is read once.
   std::map<std::string, std::string> found;
+  PackageBlobs::Verified known;
   for (const StoredMap& map : state.maps()) {
     for (const StoredVersion& version : state.versions(map.name)) {
       if (!found.contains(version.digest))
-        found[version.digest] = store.packages().damage_of(version.digest);
+        found[version.digest] = store.damage_of(version.digest, known);
       // It may have been removed while it was read.
       if (!found[version.digest].empty() && state.uses(version.digest))
         problems.push_back({map.name, version.name, found[version.digest]});
@@ -38,6 +39,12 @@ ClearedPackages clear_unused(PackageStore& store) {
   // A folder may need a block more for the name of what is on its way out.
   store.even_when_full([&] {
     store.clear_condemned();
+    if (PackageBlobs* const blobs = store.blobs()) {
+      const std::vector<std::string> unnamed = blobs->unnamed(store.state().files());
+      blobs->remove_blobs(unnamed);
+      cleared.blobs = cleared.blobs.value_or(0) + unnamed.size();
+      return;
+    }
     if (cleared.packages.empty()) cleared.packages = unnamed_packages(store);
     for (const std::string& digest : cleared.packages) store.packages().remove(digest);
     cleared.leftovers += store.packages().clear_leftovers();

@@ -3,6 +3,7 @@
 #include "store/package_store.hpp"
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,8 @@ struct ClearedPackages {
   std::vector<std::string> packages;
   /// Folders that a killed writer left.
   std::size_t leftovers = 0;
+  /// Only where packages are elsewhere: how many of their files no package had.
+  std::optional<std::size_t> blobs{};
 };
 /// Removes packages that no version names and what killed writers left. What is being written
 /// right now stays.

@@ -28,6 +28,19 @@ struct TlsOptions {
   [[nodiscard]] bool enabled() const { return !certificate_file.empty() || !key_file.empty(); }
 };
 
+/// The server of S3 in which packages are. Credentials never stand in a configuration.
+struct S3ServerOptions {
+  /// Such as https://HOST or http://127.0.0.1:9000.
+  std::string endpoint;
+  std::string region = "us-east-1";
+  /// The bucket is part of the host's name, not of the path.
+  bool virtual_hosted = false;
+  /// Certificates (PEM) that are trusted; empty = the system's.
+  std::string ca_file;
+  /// Access key and secret, mode 0600; empty = `AWS_ACCESS_KEY_ID`, ... of the environment.
+  std::string credentials_file;
+};
+
 struct SessionOptions {
   /// Open at one time, over all keys; beyond it the answer is 503.
   int max = 1000;
@@ -150,6 +163,12 @@ struct ServerOptions {
   /// Address of the database of PostgreSQL that holds the store's state; empty where it lies in the
   /// folder. `stillmap serve` attaches the folder to it.
   std::string state = {};
+  /// Where the files of packages are: `s3://BUCKET/PREFIX`; empty = in the store's folder.
+  std::string blobs = {};
+  /// Folder for files of packages that are in S3; empty = `cache` in the store.
+  std::string cache = {};
+  /// Most that it may hold [bytes].
+  std::int64_t cache_bytes = std::int64_t{64} << 30U;
   /// Address to listen on. Anything but loopback needs `allow_remote`.
   std::string host = "127.0.0.1";
   /// TCP port; 0 takes any free one.
@@ -218,6 +237,7 @@ struct ServerOptions {
   /// Public keys (PEM) of those who may sign versions; empty = nothing needs to be signed.
   std::string trusted_keys_file = {};
 
+  S3ServerOptions s3 = {};
   ManagementOptions management = {};
   TlsOptions tls = {};
   SessionOptions sessions = {};
