@@ -33,7 +33,7 @@ json json_of(const client::MapReference& map) {
 json json_of(const client::PoseAnswer& answer) {
   json warnings = json::array();
   for (const auto& each : answer.warnings)
-    warnings.push_back({{"code", each.code}, {"ahead_s", each.ahead_s}});
+    warnings.push_back({{"code", each.code}, {"ahead_s", each.ahead_s}, {"version", each.version}});
   const auto& [longitudinal, lateral, vertical, yaw] = answer.protection;
   return {{"status", answer.status},
           {"reasons", answer.reasons},
@@ -131,6 +131,23 @@ json use(const std::string& url, const std::string& folder) {
   scan = {};
   scan.deadline = deadline;
   found["trackScan"] = json_of(server.track(session, xyzi, 7, scan));
+  std::vector<client::Client> servers;
+  servers.emplace_back(url);
+  client::SealedSession sealed(std::move(servers), "town");
+  sealed.track_geopose(xyzi, 7);
+  sealed.track(xyzi, 8);
+  std::string seal;
+  client::ScanOptions all_of_scan{client::Odometry{5, pose, 0.1, 0.01, {}}, pose, boxes, deadline,
+                                  0};
+  for (const std::string version : {"", "v1"}) {
+    const std::string name = version.empty() ? "trackSealed" : "trackSealedInVersion";
+    const client::SessionOptions start{full, gnss, version, "truck 7", 0};
+    seal.clear();
+    server.track_sealed("town", seal, xyzi, 7, all_of_scan, start);
+    found["geopose " + name] =
+        json_of(server.track_sealed_geopose("town", seal, xyzi, 7, scan, start));
+    found[name] = json_of(server.track_sealed("town", seal, xyzi, 7, scan, start));
+  }
   server.initialize(session);
   found["initializeSession"] = json_of(server.initialize(session, full, gnss));
   found["getSession"] = json_of(server.session(session));

@@ -1,0 +1,149 @@
+#include "sealing/seal_keys.hpp"
+
+#include "store/store_folder.hpp"
+
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/text.hpp>
+
+#include <fcntl.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace stillmap::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr mode_t kOwnersFile = 0600;
+
+[[noreturn]] void fail(const fs::path& file, int reason) {
+  throw maps::StorageError(file.string(), std::strerror(reason));
+}
+
+/// A new file beside the final one, on the disk.
+fs::path write_beside(const fs::path& file, std::string_view text) {
+  fs::path beside = file;
+  beside += ".new-" + std::to_string(::getpid());
+  ::unlink(beside.c_str());
+  const int descriptor =
+      ::open(beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, kOwnersFile);
+  if (descriptor < 0) fail(beside, errno);
+  const bool is_written =
+      ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size()) &&
+      ::fsync(descriptor) == 0;
+  const int reason = errno;
+  ::close(descriptor);
+  if (is_written) return beside;
+  ::unlink(beside.c_str());
+  fail(beside, reason);
+}
+
+void sync_folder_of(const fs::path& file) {
+  const int folder = ::open(file.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder < 0) fail(file.parent_path(), errno);
+  const int result = ::fsync(folder);
+  const int reason = errno;
+  ::close(folder);
+  if (result != 0) fail(file.parent_path(), reason);
+}
+
+/// Of several processes that make it at one time, the first one's counts.
+void make_file(const fs::path& file) {
+  const fs::path beside = write_beside(file, SealKey::make().hex() + "\n");
+  const int result = ::link(beside.c_str(), file.c_str());
+  const int reason = errno;
+  ::unlink(beside.c_str());
+  if (result != 0 && reason != EEXIST) fail(file, reason);
+  sync_folder_of(file);
+}
+
+/// The first two. @throws maps::InputError for other text.
+std::vector<SealKey> read_keys(const fs::path& file) {
+  std::istringstream lines(maps::read_text(file));
+  std::vector<SealKey> keys;
+  for (std::string line; keys.size() < 2 && std::getline(lines, line);) {
+    const std::optional<SealKey> key = SealKey::from_hex(line);
+    // What it found may be most of a key, so it is not shown.
+    if (!key)
+      throw maps::InputError(file.string(), "a line that is no key",
+                             "64 lower-case hex digits: mend it, or remove the file; then a new "
+                             "key is made, and sealed sessions begin anew");
+    keys.push_back(*key);
+  }
+  if (keys.empty())
+    throw maps::InputError(file.string(), "no key",
+                           "a line of 64 hex digits: remove the file, and a new key is made");
+  return keys;
+}
+
+void warn_of_readers(const fs::path& file) {
+  struct stat found {};
+  if (::stat(file.c_str(), &found) == 0 && (found.st_mode & (S_IRWXG | S_IRWXO)) != 0)
+    spdlog::warn("{}: others than its owner may read the key of sealed sessions: chmod 600 it",
+                 file.string());
+}
+
+}  // namespace
+
+StoreSealKeys::StoreSealKeys(fs::path store, std::function<Clock::time_point()> now)
+    : file_(std::move(store) / kSealKeysName), now_(std::move(now)) {
+  try {
+    if (!is_there(file_)) make_file(file_);
+  } catch (const maps::StorageError& error) {
+    spdlog::warn("no key of sealed sessions can be kept ({}): they end with this process",
+                 error.what());
+    keys_ = {SealKey::make()};
+    return;
+  }
+  read();
+  warn_of_readers(file_);
+}
+
+void StoreSealKeys::read() {
+  looked_ = now_();
+  const fs::file_time_type written = fs::last_write_time(file_);
+  if (!keys_.empty() && written == written_) return;
+  keys_ = read_keys(file_);
+  written_ = written;
+}
+
+std::vector<SealKey> StoreSealKeys::keys() {
+  constexpr std::chrono::seconds kLookEvery{1};
+  const std::scoped_lock lock(mutex_);
+  const Clock::time_point now = now_();
+  const bool is_kept = written_ != fs::file_time_type{};
+  if (is_kept && (now - looked_ >= kLookEvery || now < looked_)) {
+    try {
+      read();
+    } catch (const std::exception& error) {
+      spdlog::error("{}; the keys of sealed sessions stay as they were", error.what());
+    }
+  }
+  std::vector<SealKey> keys = keys_;
+  const auto age = now - std::chrono::time_point_cast<Clock::duration>(
+                             std::chrono::file_clock::to_sys(written_));
+  if (keys.size() > 1 && age > kSealLife) keys.pop_back();
+  return keys;
+}
+
+void rotate_seal_key(const fs::path& store) {
+  const fs::path file = store / kSealKeysName;
+  if (!is_there(file))
+    throw maps::InputError(file.string(), "nothing",
+                           "a key: start the server once, which makes the first one");
+  const std::string text = SealKey::make().hex() + "\n" + read_keys(file).front().hex() + "\n";
+  const fs::path beside = write_beside(file, text);
+  if (::rename(beside.c_str(), file.c_str()) != 0) fail(file, errno);
+  sync_folder_of(file);
+}
+
+}  // namespace stillmap::server
