@@ -1,8 +1,8 @@
 // The text of a seal that is given to the server, and what a sealed session may hold: the first
 // line is the text, the next two are version and vehicle, the rest is the tracker's state.
+#include "sealing/seal.hpp"
 #include "fuzz_target.hpp"
 #include "http/base64.hpp"
-#include "sealing/seal.hpp"
 
 #include <stdexcept>
 

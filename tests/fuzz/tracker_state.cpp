@@ -47,8 +47,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::require(written.size() <= bytes.size(), "a state is written as short as it can be");
   fuzz::require(localization::encode_state(localization::decode_state(written)) == written,
                 "what is written is read again");
-  localization::Tracker tracker = localization::Tracker::restored(
-      std::make_shared<AlignerOfBits>(data[0]), {}, bytes);
+  localization::Tracker tracker =
+      localization::Tracker::restored(std::make_shared<AlignerOfBits>(data[0]), {}, bytes);
   std::int64_t stamp_ns = state->newest_ns;
   for (int k = 0; k < 4 && stamp_ns < std::numeric_limits<std::int64_t>::max() - 200'000'000; ++k) {
     stamp_ns += 100'000'000;

@@ -70,7 +70,9 @@ std::string bits_of(const TrackedPose& pose) {
 std::optional<OdometryStep> odometry_to(int number, std::int64_t since_ns) {
   if (number / 25 % 2 == 0) return std::nullopt;
   const double seconds = 1e-9 * static_cast<double>(stamp_of(number) - since_ns);
-  return OdometryStep{since_ns, test::pose_at(9.0 * seconds, 0.0), 1e-3 * Matrix6d::Identity()};
+  // Some of it so vague that a few scans without a match lead astray.
+  const double variance = number / 50 % 2 == 0 ? 1e-3 : 4.0;
+  return OdometryStep{since_ns, test::pose_at(9.0 * seconds, 0.0), variance * Matrix6d::Identity()};
 }
 
 TEST(TrackerState, ARestoredTrackerAnswersWithTheSameBits) {

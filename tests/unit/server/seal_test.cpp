@@ -250,6 +250,8 @@ TEST_F(Seals, TellWhatCameTwiceAndWhatOnlyAnotherServerKnows) {
   bool is_replay = true;
   const std::string second = here.next(here.open(text, kOwner), kOwner, is_replay);
   EXPECT_FALSE(is_replay);
+  (void)here.next(here.open(text, kOwner), kOwner, is_replay);
+  EXPECT_TRUE(is_replay) << "of the newest but one";
   (void)here.next(here.open(second, kOwner), kOwner, is_replay);
   EXPECT_FALSE(is_replay);
   (void)here.next(here.open(text, kOwner), kOwner, is_replay);
