@@ -169,12 +169,13 @@ HttpResponse answer_next(const Context& context, const HttpRequest& request,
     AlignmentQueue::Ticket ticket =
         context.queue.enter(reservation_of(request), {.kind = kind, .deadline = deadline});
     track_session_scan(
-        context, request, std::move(found), deadline,
+        context, request, std::move(found),
         {.thin = [&](const localization::ScanView& all) { return tracker.thin(all); },
          .track =
              [&](std::int64_t stamp_ns, const localization::ThinScan& scan, const auto& odometry) {
                return tracker.track_thin(stamp_ns, scan, odometry);
-             }},
+             },
+         .deadline = deadline},
         ticket, answer);
   }
   check_deadline(deadline);

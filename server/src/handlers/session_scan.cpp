@@ -40,12 +40,12 @@ ScanInBody find_session_scan(const HttpRequest& request, const ServerOptions& op
 }
 
 void track_session_scan(const Context& context, const HttpRequest& request, ScanInBody&& found,
-                        PoseClock::time_point deadline, const ScanTracking& tracking,
-                        AlignmentQueue::Ticket& ticket, PoseAnswer& answer) {
+                        const ScanTracking& tracking, AlignmentQueue::Ticket& ticket,
+                        PoseAnswer& answer) {
   answer.timing.wait_ms = milliseconds_since(request.received);
   context.metrics.queue_waited(1e-3 * answer.timing.wait_ms);
   const PoseClock::time_point begin = PoseClock::now();
-  require_wanted(request, deadline);
+  require_wanted(request, tracking.deadline);
   PoseRequest pose_request = decode_scan(std::move(found), context.options);
   answer.timing.decode_ms = milliseconds_since(begin);
   const PoseClock::time_point aligning = PoseClock::now();

@@ -16,19 +16,20 @@ namespace stillmap::server {
 [[nodiscard]] ScanInBody find_session_scan(const HttpRequest& request, const ServerOptions& options,
                                            ScanPurpose purpose);
 
-/// A tracker, as a scan needs it.
+/// A tracker, as a scan needs it, and until when.
 struct ScanTracking {
   Thinner thin;
   std::function<localization::TrackedPose(std::int64_t stamp_ns, const localization::ThinScan&,
                                           const std::optional<localization::OdometryStep>&)>
       track;
+  PoseClock::time_point deadline;
 };
 /// Decodes a scan and tracks it. Work: hold a ticket.
 /// @param found  from `find_session_scan`. @param answer  is filled.
 /// @throws ApiError as `decode_scan` and `require_wanted`.
 void track_session_scan(const Context& context, const HttpRequest& request, ScanInBody&& found,
-                        PoseClock::time_point deadline, const ScanTracking& tracking,
-                        AlignmentQueue::Ticket& ticket, PoseAnswer& answer);
+                        const ScanTracking& tracking, AlignmentQueue::Ticket& ticket,
+                        PoseAnswer& answer);
 
 /// What a vehicle gets now that names no version; nothing where no version is active, the active
 /// one is broken or the map is gone: then a session keeps its own. @param vehicle  its label.

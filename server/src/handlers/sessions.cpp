@@ -130,11 +130,11 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
     AlignmentQueue::Ticket ticket = enter(context, request, scan);
     scan.begin();
     track_session_scan(
-        context, request, std::move(found), deadline,
+        context, request, std::move(found),
         {.thin = [&](const localization::ScanView& all) { return session->thin(all); },
-         .track =
-             [&](std::int64_t stamp, const localization::ThinScan& scan_lidar,
-                 const auto& odometry) { return session->track(stamp, scan_lidar, odometry); }},
+         .track = [&](std::int64_t stamp, const localization::ThinScan& scan_lidar,
+                      const auto& odometry) { return session->track(stamp, scan_lidar, odometry); },
+         .deadline = deadline},
         ticket, answer);
   }
   check_deadline(deadline);

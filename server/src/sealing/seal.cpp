@@ -163,39 +163,62 @@ std::string plain_bytes(const SealedSession& session) {
   return bytes;
 }
 
-/// AES-256-GCM, one way or the other. @param tag  is written, or compared.
-/// @return nothing when the tag does not fit.
-std::optional<std::string> gcm(bool encrypts, std::string_view head, const SealOwner& owner,
-                               const SealKey& key, std::string_view from, std::string& tag) {
-  const Cipher cipher(EVP_CIPHER_CTX_new(), EVP_CIPHER_CTX_free);
-  KeyBytes derived = key_of(head, key);
-  const std::string nonce = nonce_of(head);
-  const bool begun =
-      cipher && EVP_CipherInit_ex(cipher.get(), EVP_aes_256_gcm(), nullptr, derived.data(),
-                                  to_read(nonce), encrypts ? 1 : 0) == 1;
-  OPENSSL_cleanse(derived.data(), derived.size());
-  if (!begun) openssl_failed("AES-256-GCM cannot begin");
-  const std::string beside = authenticated(head, owner);
-  std::string to(from.size(), '\0');
-  int size = 0;
-  if (EVP_CipherUpdate(cipher.get(), nullptr, &size, to_read(beside),
-                       static_cast<int>(beside.size())) != 1 ||
-      EVP_CipherUpdate(cipher.get(), to_write(to), &size, to_read(from),
-                       static_cast<int>(from.size())) != 1)
-    openssl_failed("AES-256-GCM takes no bytes");
-  if (!encrypts &&
-      EVP_CIPHER_CTX_ctrl(cipher.get(), EVP_CTRL_GCM_SET_TAG, kTagBytes, tag.data()) != 1)
-    openssl_failed("AES-256-GCM takes no tag");
-  if (EVP_CipherFinal_ex(cipher.get(), to_write(to), &size) != 1) {
-    ERR_clear_error();
-    if (encrypts) openssl_failed("AES-256-GCM cannot end");
-    return std::nullopt;
+/// AES-256-GCM with the key of one seal, one way or the other.
+class SealCipher {
+ public:
+  enum class Way : std::uint8_t { kDecrypt = 0, kEncrypt = 1 };
+
+  /// @param head  says which key and nonce; is authenticated with the owner.
+  SealCipher(Way way, std::string_view head, const SealOwner& owner, const SealKey& key) {
+    KeyBytes derived = key_of(head, key);
+    const std::string nonce = nonce_of(head);
+    const bool begun =
+        cipher_ && EVP_CipherInit_ex(cipher_.get(), EVP_aes_256_gcm(), nullptr, derived.data(),
+                                     to_read(nonce), static_cast<int>(way)) == 1;
+    OPENSSL_cleanse(derived.data(), derived.size());
+    if (!begun) openssl_failed("AES-256-GCM cannot begin");
+    const std::string beside = authenticated(head, owner);
+    int size = 0;
+    if (EVP_CipherUpdate(cipher_.get(), nullptr, &size, to_read(beside),
+                         static_cast<int>(beside.size())) != 1)
+      openssl_failed("AES-256-GCM takes no bytes");
   }
-  if (encrypts &&
-      EVP_CIPHER_CTX_ctrl(cipher.get(), EVP_CTRL_GCM_GET_TAG, kTagBytes, tag.data()) != 1)
-    openssl_failed("AES-256-GCM gives no tag");
-  return to;
-}
+
+  /// All at once.
+  std::string convert(std::string_view from) {
+    std::string to(from.size(), '\0');
+    int size = 0;
+    if (EVP_CipherUpdate(cipher_.get(), to_write(to), &size, to_read(from),
+                         static_cast<int>(from.size())) != 1)
+      openssl_failed("AES-256-GCM takes no bytes");
+    return to;
+  }
+  /// After encrypting.
+  std::string tag() {
+    std::string tag(kTagBytes, '\0');
+    if (!end() ||
+        EVP_CIPHER_CTX_ctrl(cipher_.get(), EVP_CTRL_GCM_GET_TAG, kTagBytes, tag.data()) != 1)
+      openssl_failed("AES-256-GCM gives no tag");
+    return tag;
+  }
+  /// After decrypting: whether all is as it was encrypted.
+  bool fits(std::string tag) {
+    if (EVP_CIPHER_CTX_ctrl(cipher_.get(), EVP_CTRL_GCM_SET_TAG, kTagBytes, tag.data()) != 1)
+      openssl_failed("AES-256-GCM takes no tag");
+    const bool fitting = end();
+    ERR_clear_error();
+    return fitting;
+  }
+
+ private:
+  bool end() {
+    std::array<unsigned char, kTagBytes> none{};
+    int size = 0;
+    return EVP_CipherFinal_ex(cipher_.get(), none.data(), &size) == 1;
+  }
+
+  Cipher cipher_{EVP_CIPHER_CTX_new(), EVP_CIPHER_CTX_free};
+};
 
 }  // namespace
 
@@ -226,9 +249,9 @@ std::string seal(const SealedSession& session, const SealOwner& owner, const Sea
   bytes += random_bytes(kFreshBytes);
   put_number(bytes, session.count);
   bytes += bytes_of_hex(session.digest);
-  std::string tag(kTagBytes, '\0');
-  const std::string hidden = gcm(true, bytes, owner, key, plain_bytes(session), tag).value();
-  std::string text = to_base64(bytes + hidden + tag);
+  SealCipher cipher(SealCipher::Way::kEncrypt, bytes, owner, key);
+  const std::string hidden = cipher.convert(plain_bytes(session));
+  std::string text = to_base64(bytes + hidden + cipher.tag());
   if (text.size() > kMaxSealText) throw std::invalid_argument("seal: too long");
   return text;
 }
@@ -241,17 +264,18 @@ std::optional<SealedSession> open_seal(std::string_view text, const SealOwner& o
     return std::nullopt;
   const std::string_view all(*bytes);
   const std::string_view head = all.substr(0, kHeadBytes);
-  std::string tag(all.substr(all.size() - kTagBytes));
-  const std::optional<std::string> plain = gcm(
-      false, head, owner, key, all.substr(kHeadBytes, all.size() - kHeadBytes - kTagBytes), tag);
-  if (!plain) return std::nullopt;
+  const std::string_view tag = all.substr(all.size() - kTagBytes);
+  SealCipher cipher(SealCipher::Way::kDecrypt, head, owner, key);
+  const std::string plain =
+      cipher.convert(all.substr(kHeadBytes, all.size() - kHeadBytes - kTagBytes));
+  if (!cipher.fits(std::string(tag))) return std::nullopt;
   SealedSession session;
   Reader of_head(head.substr(1));
   session.id = of_head.take(SealedSession::kIdBytes);
   (void)of_head.take(kFreshBytes);
   session.count = of_head.number();
   session.digest = hex_of_bytes(of_head.rest());
-  Reader from(*plain);
+  Reader from(plain);
   session.made_ns = static_cast<std::int64_t>(from.number());
   const unsigned char flags = from.byte();
   session.version_was_named = (flags & kNamed) != 0;

@@ -1,17 +1,15 @@
 #include "sealing/seal_keys.hpp"
 
+#include "store/durable_files.hpp"
 #include "store/store_folder.hpp"
 
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/text.hpp>
 
-#include <fcntl.h>
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cerrno>
-#include <cstring>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -23,47 +21,28 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr mode_t kOwnersFile = 0600;
-
-[[noreturn]] void fail(const fs::path& file, int reason) {
-  throw maps::StorageError(file.string(), std::strerror(reason));
-}
-
 /// A new file beside the final one, on the disk.
-fs::path write_beside(const fs::path& file, std::string_view text) {
+fs::path write_beside(const fs::path& file, std::string_view text, const DurableFiles& files) {
   fs::path beside = file;
   beside += ".new-" + std::to_string(::getpid());
-  ::unlink(beside.c_str());
-  const int descriptor =
-      ::open(beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, kOwnersFile);
-  if (descriptor < 0) fail(beside, errno);
-  const bool is_written =
-      ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size()) &&
-      ::fsync(descriptor) == 0;
-  const int reason = errno;
-  ::close(descriptor);
-  if (is_written) return beside;
-  ::unlink(beside.c_str());
-  fail(beside, reason);
-}
-
-void sync_folder_of(const fs::path& file) {
-  const int folder = ::open(file.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (folder < 0) fail(file.parent_path(), errno);
-  const int result = ::fsync(folder);
-  const int reason = errno;
-  ::close(folder);
-  if (result != 0) fail(file.parent_path(), reason);
+  if (is_there(beside)) files.remove_file(beside);
+  DurableFiles::NewFile created = files.create(beside, kOwnersFile);
+  created.append(text);
+  created.finish();
+  return beside;
 }
 
 /// Of several processes that make it at one time, the first one's counts.
-void make_file(const fs::path& file) {
-  const fs::path beside = write_beside(file, SealKey::make().hex() + "\n");
-  const int result = ::link(beside.c_str(), file.c_str());
-  const int reason = errno;
-  ::unlink(beside.c_str());
-  if (result != 0 && reason != EEXIST) fail(file, reason);
-  sync_folder_of(file);
+void make_file(const fs::path& file, const DurableFiles& files) {
+  const fs::path beside = write_beside(file, SealKey::make().hex() + "\n", files);
+  try {
+    // Unlike a rename it does not replace.
+    if (!files.link(beside, file)) files.rename(beside, file);
+  } catch (const maps::StorageError&) {
+    if (!is_there(file)) throw;
+  }
+  if (is_there(beside)) files.remove_file(beside);
+  files.sync_folder(file.parent_path());
 }
 
 /// The first two. @throws maps::InputError for other text.
@@ -94,10 +73,10 @@ void warn_of_readers(const fs::path& file) {
 
 }  // namespace
 
-StoreSealKeys::StoreSealKeys(fs::path store, std::function<Clock::time_point()> now)
-    : file_(std::move(store) / kSealKeysName), now_(std::move(now)) {
+StoreSealKeys::StoreSealKeys(const fs::path& store, std::function<Clock::time_point()> now)
+    : file_(store / kSealKeysName), now_(std::move(now)) {
   try {
-    if (!is_there(file_)) make_file(file_);
+    if (!is_there(file_)) make_file(file_, DurableFiles(DiskCalls::real()));
   } catch (const maps::StorageError& error) {
     spdlog::warn("no key of sealed sessions can be kept ({}): they end with this process",
                  error.what());
@@ -141,9 +120,9 @@ void rotate_seal_key(const fs::path& store) {
     throw maps::InputError(file.string(), "nothing",
                            "a key: start the server once, which makes the first one");
   const std::string text = SealKey::make().hex() + "\n" + read_keys(file).front().hex() + "\n";
-  const fs::path beside = write_beside(file, text);
-  if (::rename(beside.c_str(), file.c_str()) != 0) fail(file, errno);
-  sync_folder_of(file);
+  const DurableFiles files(DiskCalls::real());
+  files.rename(write_beside(file, text, files), file);
+  files.sync_folder(store);
 }
 
 }  // namespace stillmap::server

@@ -36,7 +36,7 @@ class StoreSealKeys final : public SealKeySource {
   /// file, the key lives as long as this, and that is logged.
   /// @param now  for tests.
   /// @throws maps::InputError for a file without a key, maps::StorageError.
-  explicit StoreSealKeys(std::filesystem::path store,
+  explicit StoreSealKeys(const std::filesystem::path& store,
                          std::function<Clock::time_point()> now = Clock::now);
 
   [[nodiscard]] std::vector<SealKey> keys() override;

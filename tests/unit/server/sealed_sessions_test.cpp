@@ -156,6 +156,39 @@ TEST_F(SealedSessions, BeginAnywhereOrAtAPrior) {
   EXPECT_EQ(refusal(fix), "NoGeodeticOrigin");
 }
 
+TEST_F(SealedSessions, BeginAtASatelliteFix) {
+  const test::TemporaryFolder built;
+  maps::MapPackageWriter writer(built.path() / "map");
+  writer.add_tile({}, std::vector<maps::MapPoint>(3));
+  writer.write_trajectory(maps::Trajectory(std::vector<maps::StampedPose>{{.stamp_ns = 1}}));
+  maps::MapManifest manifest;
+  manifest.frame_id = "enu";
+  manifest.geodetic_origin = maps::GeodeticOrigin{48.0, 11.0, 500.0};
+  (void)writer.publish(manifest, "{}");
+  store_.open().add("placed", "v1", built.path() / "map");
+  store_.open().activate("placed", "v1");
+  while (get("/v1/maps/placed/ready").status != 200) std::this_thread::yield();
+  HttpRequest fix = scan(1, "", "/v1/maps/placed/localize/next");
+  fix.query.emplace_back("gnss", "48,11,,5");
+  const Answer begun = ask(fix);
+  EXPECT_EQ(begun.body["searched_from"], "given");
+  HttpRequest lost = scan(2, begun.seal, "/v1/maps/placed/localize/next");
+  lost.headers["accept"] = "application/geopose+json";
+  aligner_->answer = [](const auto&) { return localization::AlignmentResult{}; };
+  json last;
+  for (int i = 0; i < 100; ++i) {
+    lost.query = {{"stamp_ns", std::to_string(1'000'000'000 * std::int64_t{i} + 2)}};
+    const HttpResponse response = service_->handle(lost);
+    std::string seal;
+    for (const auto& [name, value] : response.headers)
+      if (name == "Stillmap-Seal") seal = value;
+    ASSERT_FALSE(seal.empty()) << response.body;
+    lost.headers["stillmap-seal"] = seal;
+    last = body(response);
+  }
+  EXPECT_EQ(last["code"], "NoPose");
+}
+
 TEST_F(SealedSessions, TakeTheirParametersInTheRequestPartToo) {
   HttpRequest next = scan(1, "");
   next.query = {{"vehicle", "truck 7"}};
