@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
 """Sealed sessions over three servers with copies of one store: they go on from one to the next, whoever is killed.
 
-usage: sealed_sessions_test.py STILLMAP STORE DRIVE
+usage: sealed_sessions_test.py STILLMAP STORE DRIVE USE_CLIENT
+
+USE_CLIENT is the program of use_client.cpp.
 """
 
 import base64
+import json
 import pathlib
 import shutil
 import signal
@@ -16,7 +19,7 @@ import time
 import unittest
 import urllib.parse
 
-PROGRAM, STORE, DRIVE = (pathlib.Path(x).resolve() for x in sys.argv[1:4])
+PROGRAM, STORE, DRIVE, USE_CLIENT = (pathlib.Path(x).resolve() for x in sys.argv[1:5])
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path += [str(ROOT / "server/clients/python/src"), str(ROOT / "tests/soak")]
 
@@ -113,6 +116,20 @@ class Sealed(unittest.TestCase):
         kill.join()
         self.assertEqual(sealed.begun, 1)
 
+    def test_the_client_in_cpp_goes_on_as_well(self):
+        a, b, _ = self.servers
+        sealed = self.sealed(b, prior=START)
+        expected = [lasting(sealed.track(scan(index), stamp(index))) for index in range(12)]
+        urls = ",".join(f"http://127.0.0.1:{server.port}" for server in (a, b))
+        a.kill()
+        done = subprocess.run([USE_CLIENT, "follow", urls, *(DRIVE / "velodyne" / f"{index:06d}.bin" for index in range(12))],
+                              capture_output=True, text=True, timeout=60)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        found = json.loads(done.stdout)
+        self.assertEqual(found["begun"], 1)
+        for index, answer in enumerate(found["answers"]):
+            self.assertEqual({key: answer[key] for key in expected[index]}, expected[index], f"scan {index}")
+
     def test_the_same_seal_at_two_servers_at_once(self):
         a, b, _ = self.servers
         seal = self.ask(a, 0, prior_t="0,0,0", prior_q="0,0,0,1", prior_sigma="0.5,0.05").headers["Stillmap-Seal"]
@@ -207,4 +224,4 @@ class Sealed(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *sys.argv[4:]])
+    unittest.main(argv=[sys.argv[0], *sys.argv[5:]])
