@@ -14,6 +14,7 @@
 #include <sstream>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 namespace stillmap::server {
@@ -21,27 +22,46 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A new file beside the final one, on the disk.
-fs::path write_beside(const fs::path& file, std::string_view text, const DurableFiles& files) {
-  fs::path beside = file;
-  beside += ".new-" + std::to_string(::getpid());
-  if (is_there(beside)) files.remove_file(beside);
-  DurableFiles::NewFile created = files.create(beside, kOwnersFile);
-  created.append(text);
-  created.finish();
-  return beside;
-}
+/// A new file beside the final one, on the disk; it goes with this.
+class FileBeside {
+ public:
+  FileBeside(const fs::path& file, std::string_view text, const DurableFiles& files)
+      : files_(files), path_(file.string() + ".new-" + std::to_string(::getpid())) {
+    remove();
+    try {
+      DurableFiles::NewFile created = files_.create(path_, kOwnersFile);
+      created.append(text);
+      created.finish();
+    } catch (const maps::StorageError&) {
+      remove();
+      throw;
+    }
+  }
+  ~FileBeside() { remove(); }
+  FileBeside(const FileBeside&) = delete;
+  FileBeside& operator=(const FileBeside&) = delete;
+
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  void remove() const {
+    std::error_code ignored;
+    fs::remove(path_, ignored);
+  }
+
+  const DurableFiles& files_;
+  fs::path path_;
+};
 
 /// Of several processes that make it at one time, the first one's counts.
 void make_file(const fs::path& file, const DurableFiles& files) {
-  const fs::path beside = write_beside(file, SealKey::make().hex() + "\n", files);
+  const FileBeside beside(file, SealKey::make().hex() + "\n", files);
   try {
     // Unlike a rename it does not replace.
-    if (!files.link(beside, file)) files.rename(beside, file);
+    if (!files.link(beside.path(), file)) files.rename(beside.path(), file);
   } catch (const maps::StorageError&) {
     if (!is_there(file)) throw;
   }
-  if (is_there(beside)) files.remove_file(beside);
   files.sync_folder(file.parent_path());
 }
 
@@ -121,7 +141,8 @@ void rotate_seal_key(const fs::path& store) {
                            "a key: start the server once, which makes the first one");
   const std::string text = SealKey::make().hex() + "\n" + read_keys(file).front().hex() + "\n";
   const DurableFiles files(DiskCalls::real());
-  files.rename(write_beside(file, text, files), file);
+  const FileBeside beside(file, text, files);
+  files.rename(beside.path(), file);
   files.sync_folder(store);
 }
 
