@@ -179,6 +179,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_localize_routes(routes, context);
   add_batch_routes(routes, context);
   add_session_routes(routes, context);
+  add_sealed_session_routes(routes, context);
   add_stats_routes(routes, context);
   add_rollout_routes(routes, context);
   add_openapi_routes(routes);
@@ -308,13 +309,27 @@ Service::Service(const ServerOptions& options, PackageStore& store, AlignerBuild
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
+      seals_(std::make_unique<StoreSealKeys>(store.folder())),
       jobs_(JobSetup{live_, store, drives_, catalog_, metrics_, mapper}),
-      context_{options_,        live_,     workers_,
-               store,           drives_,   uploads_,
-               catalog_,        views_,    layers_,
-               queue_,          sessions_, jobs_,
-               metrics_,        stats_,    vehicles_,
-               rollout_counts_, stopping_, std::chrono::steady_clock::now()},
+      context_{options_,
+               live_,
+               workers_,
+               store,
+               drives_,
+               uploads_,
+               catalog_,
+               views_,
+               layers_,
+               queue_,
+               sessions_,
+               seals_,
+               jobs_,
+               metrics_,
+               stats_,
+               vehicles_,
+               rollout_counts_,
+               stopping_,
+               std::chrono::steady_clock::now()},
       router_(all_routes(context_, web)),
       housekeeping_(live_, store, drives_, jobs_.folders, changes != StoreChanges::kRefused) {
   store_.set_quota(quota_of(options_.quotas, store_.folder()));

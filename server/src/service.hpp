@@ -71,6 +71,7 @@ class Service final : public RequestHandler {
   int workers_;
   mutable AlignmentQueue queue_;
   mutable SessionTable sessions_;
+  mutable SessionSeals seals_;
   mutable MapStats stats_;
   mutable VehicleTable vehicles_;
   mutable RolloutCounts rollout_counts_;

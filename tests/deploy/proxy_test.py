@@ -40,7 +40,8 @@ SHORTER = {
 
 # What either server may be asked; every other route of /openapi.json must find the first one.
 POSES = {("POST", f"/v1/maps/{{map}}/{what}") for what in (
-    "localize", "localize/batch", "versions/{version}/localize", "versions/{version}/localize/batch", "tiles/diff")}
+    "localize", "localize/batch", "localize/next", "versions/{version}/localize", "versions/{version}/localize/batch",
+    "versions/{version}/localize/next", "tiles/diff")}
 READS = {("GET", f"/v1/maps/{{map}}/{what}") for what in (
     "ready", "rollout", "stats", "vehicles", "versions", "versions/{version}", "versions/{version}/content", "versions/{version}/delta",
     "versions/{version}/files/{checksum}", "versions/{version}/preview", "versions/{version}/signatures",

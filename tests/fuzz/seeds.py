@@ -5,6 +5,7 @@ archive_seeds.py, and the committed ones in corpus/, each of which broke somethi
 usage: tests/fuzz/seeds.py FOLDER    writes FOLDER/TARGET/NAME; other files of FOLDER/TARGET are removed
 """
 
+import base64
 import collections
 import gzip
 import hashlib
@@ -84,6 +85,23 @@ def make_scans(put):
 
 def pose_object(**more):
     return {"prior": POSE, "stamp_ns": "1500000000123456789", "deadline_ms": 500, "method": "default", **more}
+
+
+def make_seals(put):
+    def motion(stamp_ns):
+        turn = [0.6, -0.8, 0, 0.8, 0.6, 0, 0, 0, 1]
+        return struct.pack("<q91di", stamp_ns, *turn, 1, 2, 0.5, *COVARIANCE, 9, 0, 0, 0, 0, 0.1, *COVARIANCE, 0.25, 3)
+
+    def state(mode, flags, *motions, matched_ns=900):
+        return struct.pack("<BBBqqiii", 1, mode, flags, 1000, matched_ns, 2, 1, 0) + b"".join(motions)
+    put("tracker_state", "tracked", b"\xff" + state(0, 31, motion(1000), matched_ns=1000))
+    put("tracker_state", "coasting", b"\x15" + state(0, 23, motion(900), motion(1000)))
+    put("tracker_state", "wide", b"\0" + state(1, 3, motion(900)))
+    put("tracker_state", "nowhere", b"\x81" + state(2, 0))
+    put("seal", "short", b"AQEB\nv1\ntruck 7\n" + state(2, 0))
+    put("seal", "long", base64.b64encode(b"\1" * 200) + b"\n" + b"v" * 63 + b"\n" + b"t" * 64 + b"\n" +
+        state(0, 23, motion(900), motion(1000)))
+    put("seal", "too_long", b"\n\n\n" + b"\xff" * 2000)
 
 
 def make_requests(put):
@@ -362,7 +380,7 @@ def of_all_targets():
     def put(target, name, content):
         seeds[target][f"seed_{name}"] = content.encode() if isinstance(content, str) else content
 
-    for make in (make_config, make_las, make_scans, make_requests, make_http, make_heads, make_request_json, make_packages,
+    for make in (make_config, make_las, make_scans, make_requests, make_seals, make_http, make_heads, make_request_json, make_packages,
                  make_index, make_weights, bag_seeds.make_all, archive_seeds.make_all):
         make(put)
     for file in CORPUS.glob("*/*"):

@@ -150,7 +150,7 @@ class Recorder:
             value["answers"] = [{"status": 200, "answer": value["answers"][0]["answer"]}]
         self.answers[("geopose " if geopose else "") + operation["operationId"]] = value
         kind = "application/geopose+json" if geopose else "application/json"
-        return status, {"Content-Type": kind, "Stillmap-Status": "degraded",
+        return status, {"Content-Type": kind, "Stillmap-Status": "degraded", "Stillmap-Seal": "c2VhbA==",
                         "Stillmap-Reasons": "ambiguous, coasting"}, json.dumps(value).encode()
 
     def close(self):
@@ -305,6 +305,13 @@ class Coverage(unittest.TestCase):
         session.track(Pcd(b"VERSION 0.7"), 7)
         found["trackScan"] = session.track(xyzi, 7, odometry=step, T_base_lidar=pose, movable=boxes, deadline_ms=900)
         poses["trackScan"] = session.track_geopose(xyzi, 7)
+        for name, version in (("trackSealed", None), ("trackSealedInVersion", "v1")):
+            sealed = client.sealed_session("town", version=version, label="truck 7", prior=full["prior"], gnss=gnss)
+            sealed.track(xyzi, 7, odometry=step, T_base_lidar=pose, movable=boxes, deadline_ms=900)
+            self.assertEqual((sealed.seal, sealed.begun), ("c2VhbA==", 1))
+            sealed.track(Pcd(b"VERSION 0.7"), 7)
+            found[name] = sealed.track(xyzi, 7, deadline_ms=900)
+            poses[name] = sealed.track_geopose(xyzi, 7)
         session.initialize(prior, gnss=gnss)
         found["getSession"] = session.info()
         found["listSessions"], = client.sessions("town")
@@ -328,7 +335,7 @@ class Coverage(unittest.TestCase):
         self.assertEqual(found.pop("events"), [[4, "status", {"status": "ok"}], [None, "gap", {"missed": 1}],
                                                [9, "closed", {"reason": "deleted"}]])
         self.assertEqual((found.pop("bytes"), (self.folder / "v1.tar").read_bytes()), (len(PACKAGE), PACKAGE))
-        for name in ("localize", "trackScan"):
+        for name in ("localize", "trackScan", "trackSealed", "trackSealedInVersion"):
             self.check_geopose(found.pop("geopose " + name), name)
         self.check_answers(found)
 

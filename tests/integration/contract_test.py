@@ -120,6 +120,7 @@ class Contract(unittest.TestCase):
         answer = connection.getresponse()
         data = answer.read()
         connection.close()
+        cls.seal = answer.getheader("Stillmap-Seal")
         return answer.status, answer.getheader("Content-Type") or "", data
 
     @classmethod
@@ -130,14 +131,14 @@ class Contract(unittest.TestCase):
                 return
             time.sleep(0.1)
 
-    def ask(self, method, pattern, expected, body=None, query="", kind=None, accept=None, **parts):
+    def ask(self, method, pattern, expected, body=None, query="", kind=None, accept=None, seal=None, **parts):
         """Sends a request and holds its answer against what the document says of this status."""
         path = pattern
         for name, value in parts.items():
             path = path.replace("{" + name + "}", str(value))
         if isinstance(body, (dict, list)):
             body, kind = json.dumps(body), "application/json"
-        headers = {name: value for name, value in (("Content-Type", kind), ("Accept", accept)) if value}
+        headers = {name: value for name, value in (("Content-Type", kind), ("Accept", accept), ("Stillmap-Seal", seal)) if value}
         status, found, data = self.send(method, path + query, body, headers)
         self.assertEqual(status, expected, f"{method} {path}: {data[:500]!r}")
         responses = self.document["paths"][pattern][method.lower()]["responses"]
@@ -260,6 +261,23 @@ class Contract(unittest.TestCase):
         self.ask("POST", one + "/initialize", 200, {}, session=session)
         self.ask("DELETE", one, 204, session=session)
         self.ask("DELETE", one, 404, session=session)
+
+    def test_sealed_sessions(self):
+        raw, town = "application/octet-stream", {"map": "town", "version": "v1"}
+        for place in ("/v1/maps/{map}/localize/next", "/v1/maps/{map}/versions/{version}/localize/next"):
+            first = self.ask("POST", place, 200, self.scan(0), "?stamp_ns=0&prior_t=0,0,0&prior_q=0,0,0,1&prior_sigma=0.5,0.05", raw,
+                             **town)
+            seal = self.seal
+            self.assertEqual((first["status"], len(seal) <= 2328), ("ok", True))
+            for warnings in ([], [{"code": "seal_replayed"}]):
+                again = self.ask("POST", place, 200, self.scan(1), "?stamp_ns=103600000", raw, seal=seal, **town)
+                self.assertEqual((again["session"], again["warnings"]), (first["session"], warnings))
+            self.assertEqual(self.ask("POST", place, 409, self.scan(1), "?stamp_ns=0", raw, seal=seal, **town)["code"], "ScanNotNewer")
+            self.assertEqual(self.ask("POST", place, 400, self.scan(1), "?stamp_ns=9", raw, seal=seal[4:], **town)["code"],
+                             "InvalidSeal")
+            self.ask("POST", place, 422, self.scan(1), "?stamp_ns=9&prior_t=0,0,0&prior_q=0,0,0,1", raw, **town)
+            self.ask("POST", place, 406, self.scan(1), "?stamp_ns=9", raw, accept="application/geopose+json", **town)
+            self.ask("POST", place, 404, self.scan(1), "?stamp_ns=9", raw, map="village", version="v1")
 
     def test_changes(self):
         archive = self.send("GET", "/v1/maps/town/versions/v1/content")[2]

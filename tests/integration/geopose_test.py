@@ -169,6 +169,19 @@ class GeoPose(unittest.TestCase):
         self.assertEqual(found["validTime"], 1400)
         self.assertIn(headers["Stillmap-Status"], ("ok", "degraded"))
 
+    def test_a_sealed_session_answers_in_it_and_goes_on_from_a_lost_scan(self):
+        seal, statuses = {}, []
+        for index in range(12, 16):
+            scan = (DRIVE / "velodyne" / f"{index:06d}.bin").read_bytes()
+            if index == 12:
+                scan = array.array("f", [float(i % 7) for i in range(4000)]).tobytes()
+            status, headers, found = self.send("POST", f"/v1/maps/placed/localize/next?stamp_ns={index}00000000", scan,
+                                               Content_Type="application/octet-stream", Accept=ADVANCED, **seal)
+            statuses.append(status)
+            seal = {"Stillmap_Seal": headers["Stillmap-Seal"]}
+        self.assertEqual((statuses[0], status), (422, 200), statuses)
+        self.assertEqual(faults("Advanced", found), [])
+
     def test_a_lost_scan_has_none(self):
         nothing = array.array("f", [float((7 * i + j * i) % (11 + j)) for i in range(4000) for j in range(4)]).tobytes()
         status, headers, found = self.localize(GEOPOSE, nothing)

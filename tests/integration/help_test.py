@@ -55,7 +55,7 @@ class Help(unittest.TestCase):
         commands = {" ".join(command) for command in self.helps}
         for name in ("build", "rebuild", "import", "export", "calibrate", "simulate", "localize", "serve", "inspect", "completion",
                      "store list", "store add", "store activate", "store rollback", "store remove", "store verify", "store gc",
-                     "store reindex", "store migrate", "store backup", "store restore", "keys create", "keys list", "keys revoke",
+                     "store reindex", "store migrate", "store backup", "store restore", "store rotate-seal-key", "keys create", "keys list", "keys revoke",
                      "audit verify", "audit export", "evaluate localization", "evaluate map", "evaluate detector",
                      "evaluate odometry", "evaluate paper", "evaluate paper-odometry"):
             self.assertIn(name, commands)

@@ -3,10 +3,18 @@
 // document's names. `client_coverage_test.py` holds both against server/openapi.json.
 //
 //   use_client URL FOLDER
+//
+// Or follows a drive with a sealed session over real servers, for `sealed_sessions_test.py`:
+//
+//   use_client follow URL,URL... SCAN...
 
 #include "stillmap_client.hpp"
 
+#include <cstring>
+#include <fstream>
 #include <iostream>
+#include <iterator>
+#include <sstream>
 
 namespace {
 
@@ -33,7 +41,7 @@ json json_of(const client::MapReference& map) {
 json json_of(const client::PoseAnswer& answer) {
   json warnings = json::array();
   for (const auto& each : answer.warnings)
-    warnings.push_back({{"code", each.code}, {"ahead_s", each.ahead_s}});
+    warnings.push_back({{"code", each.code}, {"ahead_s", each.ahead_s}, {"version", each.version}});
   const auto& [longitudinal, lateral, vertical, yaw] = answer.protection;
   return {{"status", answer.status},
           {"reasons", answer.reasons},
@@ -131,6 +139,23 @@ json use(const std::string& url, const std::string& folder) {
   scan = {};
   scan.deadline = deadline;
   found["trackScan"] = json_of(server.track(session, xyzi, 7, scan));
+  std::vector<client::Client> servers;
+  servers.emplace_back(url);
+  client::SealedSession sealed(std::move(servers), "town");
+  sealed.track_geopose(xyzi, 7);
+  sealed.track(xyzi, 8);
+  std::string seal;
+  client::ScanOptions all_of_scan{client::Odometry{5, pose, 0.1, 0.01, {}}, pose, boxes, deadline,
+                                  0};
+  for (const std::string version : {"", "v1"}) {
+    const std::string name = version.empty() ? "trackSealed" : "trackSealedInVersion";
+    const client::SessionOptions start{full, gnss, version, "truck 7", 0};
+    seal.clear();
+    server.track_sealed("town", seal, xyzi, 7, all_of_scan, start);
+    found["geopose " + name] =
+        json_of(server.track_sealed_geopose("town", seal, xyzi, 7, scan, start));
+    found[name] = json_of(server.track_sealed("town", seal, xyzi, 7, scan, start));
+  }
   server.initialize(session);
   found["initializeSession"] = json_of(server.initialize(session, full, gnss));
   found["getSession"] = json_of(server.session(session));
@@ -150,11 +175,40 @@ json use(const std::string& url, const std::string& folder) {
   return found;
 }
 
+std::vector<float> scan_of(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  const std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  std::vector<float> floats(bytes.size() / sizeof(float));
+  std::memcpy(floats.data(), bytes.data(), floats.size() * sizeof(float));
+  return floats;
+}
+
+/// Follows scans with a sealed session, 0.1 s apart. @return answers, and how often it began.
+json follow(const std::vector<std::string>& urls, const std::vector<std::string>& scans) {
+  std::vector<client::Client> servers;
+  for (const std::string& url : urls) servers.emplace_back(url, "", std::chrono::seconds(5), 0);
+  client::SessionOptions start;
+  start.prior = client::Prior{{}, 0.5, 0.05, {}};
+  client::SealedSession session(std::move(servers), "town", start);
+  json answers = json::array();
+  std::int64_t stamp_ns = 0;
+  for (const std::string& scan : scans)
+    answers.push_back(session.track(scan_of(scan), stamp_ns += 100'000'000).json);
+  return {{"answers", answers}, {"begun", session.begun()}};
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count != 3) return 2;
+  if (count < 3) return 2;
   try {
+    if (std::string(arguments[1]) == "follow") {
+      std::vector<std::string> urls;
+      std::istringstream text(arguments[2]);
+      for (std::string url; std::getline(text, url, ',');) urls.push_back(url);
+      std::cout << follow(urls, {arguments + 3, arguments + count}) << '\n';
+      return 0;
+    }
     std::cout << use(arguments[1], arguments[2]) << '\n';
     return 0;
   } catch (const std::exception& error) {

@@ -51,6 +51,15 @@ sample() { tests/integration/sample_map.sh "$program" "$marks/sample"; }
 step sample sample
 step unit_kills tests/soak/unit_kills.py --program "$program" --drive "$marks/sample/drive" --runs 50 -- \
   --detector geometric
+sealed_drive() { # a street of 300 scans, every second of which is mapped
+  rm -rf "$marks/sealed" && mkdir "$marks/sealed"
+  "$program" simulate town -o "$marks/sealed/drive" --seed 3 --scans 300
+  "$program" build "$marks/sealed/drive" -o "$marks/sealed/map" --select ::2
+  "$program" store add "$marks/sealed/store" town v1 "$marks/sealed/map" --activate
+}
+step sealed_drive sealed_drive
+step sealed_kills tests/soak/sealed_kills.py --program "$program" --store "$marks/sealed/store" \
+  --drive "$marks/sealed/drive" --vehicles 200 --hz 0.3 --seconds 180 --kill-every 5
 step shut_out tests/soak/shut_out.py --program "$program" --sample "$marks/sample"
 for operation in add activate roll_back remove mend "add by command" "activate by command" "make a key" start import \
   "short rebuild"; do

@@ -49,11 +49,11 @@ LOCALIZE = "prior_t=60,0.3,1.8&prior_q=0,0,0,1"
 class Server:
     """`stillmap serve` in a process group of its own, so that what it starts can be killed with it."""
 
-    def __init__(self, program, store, log, prefix=(), environment=None, options=()):
+    def __init__(self, program, store, log, prefix=(), environment=None, options=(), port=0):
         self.started = time.monotonic()
         self.log = open(log, "a")
         self.process = subprocess.Popen(
-            [*prefix, program, "serve", "--store", str(store), "--port", "0", *options], stdout=subprocess.PIPE,
+            [*prefix, program, "serve", "--store", str(store), "--port", str(port), *options], stdout=subprocess.PIPE,
             stderr=self.log, text=True, start_new_session=True, env={**os.environ, **(environment or {})})
         self.port = 0
 

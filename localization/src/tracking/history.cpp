@@ -42,6 +42,11 @@ void TrackingHistory::add(const Known& known) {
   states_.insert_or_assign(known.state.stamp_ns, known);
 }
 
+void TrackingHistory::restore(std::int64_t newest_ns, const std::optional<Known>& newest) {
+  newest_ns_ = newest_ns;
+  if (newest) add(*newest);
+}
+
 void TrackingHistory::prune() {
   const auto drop = [this](auto& kept) {
     while (!kept.empty() && (kept.size() > kMaxKept || !keeps(kept.begin()->first))) {

@@ -37,6 +37,8 @@ class TrackingHistory {
 
   void add(const TrackedPose& answer);
   void add(const Known& known);
+  /// Of an empty one: the newest scan of another, and its state.
+  void restore(std::int64_t newest_ns, const std::optional<Known>& newest);
   /// The vehicle turned out to be elsewhere: no pose lies between there and here.
   void forget_states() { states_.clear(); }
 

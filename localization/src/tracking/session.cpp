@@ -102,6 +102,17 @@ void TrackingSession::initialize(const PosePdf& T_map_lidar) {
   history_ = TrackingHistory(options_.history_s);
 }
 
+TrackingState TrackingSession::state() const {
+  TrackingState state{.newest_ns = history_.newest_ns().value(), .belief = belief_, .newest = {}};
+  if (const auto* known = history_.state_at(state.newest_ns)) state.newest = *known;
+  return state;
+}
+
+void TrackingSession::restore(const TrackingState& state) {
+  belief_ = state.belief;
+  history_.restore(state.newest_ns, state.newest);
+}
+
 TrackedPose TrackingSession::track(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                    const std::optional<OdometryStep>& odometry) {
   if (const TrackedPose* known = history_.answer_at(stamp_ns)) return *known;

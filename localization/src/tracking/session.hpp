@@ -2,6 +2,7 @@
 
 #include "history.hpp"
 #include "motion.hpp"
+#include "session_state.hpp"
 
 #include <stillmap/localization/tracker.hpp>
 
@@ -20,27 +21,16 @@ class TrackingSession {
   void initialize(const PosePdf& T_map_lidar);
   [[nodiscard]] TrackedPose track(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                   const std::optional<OdometryStep>& odometry);
+  /// Nothing before the first scan was answered.
+  [[nodiscard]] std::optional<std::int64_t> newest_ns() const { return history_.newest_ns(); }
+  /// After a scan was answered.
+  [[nodiscard]] TrackingState state() const;
+  /// Of a session that is new.
+  void restore(const TrackingState& state);
 
  private:
-  /// How the next scan is looked for.
-  enum class Mode {
-    kTracking,    ///< around the prediction
-    kWide,        ///< widely around it
-    kEverywhere,  ///< without a prior
-  };
-  struct Belief {
-    Mode mode = Mode::kEverywhere;
-    /// The last pose that a match or odometry told; none before the vehicle was found.
-    std::optional<MotionState> anchor;
-    std::int64_t matched_ns = 0;
-    /// Any scan was found at all.
-    bool matched = false;
-    /// Answers that agree on where the vehicle is; at `agreeing_answers` it is tracked.
-    int agreed = 0;
-    /// In a row: matches against the motion, scans that were looked for in vain.
-    int contradictions = 0;
-    int misses = 0;
-  };
+  using Mode = TrackingMode;
+  using Belief = TrackingBelief;
   /// One scan on its way to an answer.
   struct Step {
     std::int64_t stamp_ns = 0;

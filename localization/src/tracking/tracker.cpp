@@ -90,6 +90,21 @@ ThinScan Tracker::thin(const ScanView& scan_lidar) const {
   return session_->aligner().thin(scan_lidar);
 }
 
+std::optional<std::int64_t> Tracker::newest_ns() const { return session_->newest_ns(); }
+
+std::string Tracker::state() const {
+  if (!session_->newest_ns())
+    throw std::logic_error("tracker: no scan was answered yet; give it one before its state");
+  return encode_state(session_->state());
+}
+
+Tracker Tracker::restored(std::shared_ptr<const Aligner> aligner, const TrackerOptions& options,
+                          std::string_view state) {
+  Tracker tracker(std::move(aligner), options);
+  tracker.session_->restore(decode_state(state));
+  return tracker;
+}
+
 TrackedPose Tracker::track_thin(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                 const std::optional<OdometryStep>& odometry) {
   require_usable(scan_lidar.points_lidar);

@@ -136,6 +136,8 @@ struct SessionOptions {
   std::string label{};
   /// Instead of the client's.
   std::optional<int> retries{};
+  /// Of a `SessionStream`: its sessions are sealed, and go on with any server of the store.
+  bool sealed = false;
 };
 
 /// What the errors of an `ok` pose stay within but for one in a thousand; nothing = no bound.
@@ -158,10 +160,13 @@ struct Offset {
   double rad = 0.0;
 };
 
-/// `clock_skew`: the stamp is `ahead_s` ahead of the server's clock.
+/// `clock_skew`: the stamp is `ahead_s` ahead of the server's clock. Of sealed sessions
+/// `seal_replayed`: the server has gone on from this seal before; `version_activated`: the vehicle
+/// would get `version` now.
 struct Warning {
   std::string code;
   double ahead_s = 0.0;
+  std::string version;
 };
 
 struct Timing {
@@ -315,6 +320,12 @@ inline std::chrono::duration<double> wait_time(int tries, const Problem* problem
   return std::chrono::duration<double>(std::min(30.0, base_s * chance));
 }
 
+/// Whether a seal is of no more use: the next scan begins a session without it.
+inline bool is_seal_spent(const Problem& problem) {
+  return problem.code == "InvalidSeal" || problem.code == "SealExpired" ||
+         problem.code == "SealedVersionGone";
+}
+
 /// Whether the same request may do better later.
 inline bool is_passing(const Problem& problem) {
   return (problem.status == 429 || problem.status == 503) && problem.code != "Superseded" &&
@@ -443,7 +454,8 @@ inline PoseAnswer answer_of(const Json& json) {
   const Json& timing = json.at("timing_ms");
   answer.timing = {timing.at("wait"), timing.at("decode"), timing.at("align"), timing.at("total")};
   for (const Json& each : json.at("warnings"))
-    answer.warnings.push_back({each.at("code"), each.at("ahead_s")});
+    answer.warnings.push_back(
+        {each.at("code"), each.value("ahead_s", 0.0), text_or_empty(each, "version")});
   answer.request_id = json.at("request_id");
   answer.session = text_or_empty(json, "session");
   answer.searched_from = text_or_empty(json, "searched_from");
@@ -644,6 +656,26 @@ class Client {
                          detail::geopose_of);
   }
 
+  /// The next scan of a sealed session, of which the server keeps nothing. `SealedSession` looks
+  /// after the seal.
+  /// @param seal  of the answer before; that of this one comes in its place. Empty = a session
+  /// begins. @param start  how it begins.
+  /// @throws Problem `InvalidSeal`, `SealExpired`, `SealedVersionGone`: begin anew; `ScanNotNewer`.
+  PoseAnswer track_sealed(const std::string& map, std::string& seal, const Points& points,
+                          std::int64_t stamp_ns, const ScanOptions& options = {},
+                          const SessionOptions& start = {}) {
+    return read<PoseAnswer>(send_sealed(map, seal, points, stamp_ns, options, start, nullptr),
+                            detail::answer_of);
+  }
+
+  /// The same as OGC GeoPose. @throws as `localize_geopose`; with `NoPose` comes a seal as well.
+  GeoPose track_sealed_geopose(const std::string& map, std::string& seal, const Points& points,
+                               std::int64_t stamp_ns, const ScanOptions& options = {},
+                               const SessionOptions& start = {}) {
+    return read<GeoPose>(send_sealed(map, seal, points, stamp_ns, options, start, detail::kGeoPose),
+                         detail::geopose_of);
+  }
+
   /// Forgets where the vehicle was. Neither prior nor gnss = it may be anywhere.
   /// @param retries  instead of the client's.
   SessionInfo initialize(const std::string& session, const std::optional<Prior>& prior = {},
@@ -840,7 +872,10 @@ class Client {
     /// Instead of the client's.
     std::optional<int> retries{};
     std::optional<std::chrono::milliseconds> deadline{};
+    /// Is sent, and becomes that of the answer.
+    std::string* seal = nullptr;
   };
+  static constexpr const char* kSeal = "Stillmap-Seal";
 
   static std::string place_of(const std::string& map, const std::string& version) {
     return "/v1/maps/" + map + (version.empty() ? "" : "/versions/" + version);
@@ -1037,12 +1072,43 @@ class Client {
     });
   }
 
+  httplib::Response send_sealed(const std::string& map, std::string& seal, const Points& points,
+                                std::int64_t stamp_ns, const ScanOptions& options,
+                                const SessionOptions& start, const char* accept) {
+    const std::string path =
+        with_vehicle(place_of(map, start.version) + "/localize/next", start.label);
+    nlohmann::json place = nlohmann::json::object();
+    if (seal.empty()) place = place_in(start.prior, start.gnss);
+    return thin_or_whole(options.movable.empty(), [&](bool thin) {
+      const Body scan = body_of(points, thin);
+      Request request{path, {}, accept, true, options.retries, options.deadline, &seal};
+      if (options.odometry || options.T_base_lidar || !options.movable.empty() || !place.empty()) {
+        nlohmann::json parameters = detail::to_json(options, stamp_ns);
+        parameters.update(place);
+        if (!is_thin(scan)) parameters["layout"] = points.layout;
+        request.body = multipart(parameters, {scan}, "scan");
+        return post(request);
+      }
+      httplib::Params flat = {{"stamp_ns", std::to_string(stamp_ns)}};
+      if (!is_thin(scan)) flat.emplace("layout", points.layout);
+      if (options.deadline) flat.emplace("deadline_ms", std::to_string(options.deadline->count()));
+      request.target = httplib::append_query_params(path, flat);
+      request.body = scan;
+      return post(request);
+    });
+  }
+
   httplib::Response post(const Request& request) {
     httplib::Headers headers;
+    if (request.seal != nullptr && !request.seal->empty()) headers.emplace(kSeal, *request.seal);
     if (request.accept != nullptr) headers.emplace("Accept", request.accept);
     be_patient(request.deadline.value_or(std::chrono::milliseconds(0)));
     const auto send = [&] {
-      return http_.Post(request.target, headers, request.body.bytes, request.body.type);
+      httplib::Result result =
+          http_.Post(request.target, headers, request.body.bytes, request.body.type);
+      if (request.seal != nullptr && result && result->has_header(kSeal))
+        *request.seal = result->get_header_value(kSeal);
+      return result;
     };
     return call(send, request.again, request.retries.value_or(retries_));
   }
@@ -1125,6 +1191,116 @@ class Client {
   double own_vehicle_m_ = localization::kOwnVehicleM;
   std::chrono::milliseconds timeout_;
   int retries_;
+};
+
+/// One vehicle whose session travels with its scans: any server of a store goes on with it. A scan
+/// whose answer was lost is sent again with the same seal, to the next server if there are several.
+/// When the seal cannot be used any more (older than 60 s, its version removed) the scan is sent
+/// again without it, and searched for everywhere.
+class SealedSession {
+ public:
+  /// @param servers  of one store; one is enough behind a load balancer.
+  /// @param start  how the first session begins; its retries are not looked at.
+  /// @param seal  of a session to go on with; empty = one begins.
+  SealedSession(std::vector<Client> servers, std::string map, SessionOptions start = {},
+                std::string seal = {})
+      : servers_(std::move(servers)),
+        map_(std::move(map)),
+        start_(std::move(start)),
+        seal_(std::move(seal)) {
+    if (servers_.empty()) throw std::invalid_argument("servers: found none, expected one or more");
+  }
+
+  /// The next scan, newer than the one before. @param options  its odometry is since the scan of
+  /// the newest answer. @throws Problem (`ScanNotNewer`), ConnectionLost when no server answers.
+  PoseAnswer track(const Points& points, std::int64_t stamp_ns, const ScanOptions& options = {}) {
+    return send(options, [&](Client& server, const ScanOptions& once) {
+      return server.track_sealed(map_, seal_, points, stamp_ns, once, start_);
+    });
+  }
+  /// The same as OGC GeoPose. @throws as `Client::localize_geopose`.
+  GeoPose track_geopose(const Points& points, std::int64_t stamp_ns,
+                        const ScanOptions& options = {}) {
+    return send(options, [&](Client& server, const ScanOptions& once) {
+      return server.track_sealed_geopose(map_, seal_, points, stamp_ns, once, start_);
+    });
+  }
+
+  /// Forgets where the vehicle was: the next scan begins a session. Neither = it may be anywhere.
+  void initialize(const std::optional<Prior>& prior = {}, const std::optional<Gnss>& gnss = {}) {
+    seal_.clear();
+    start_.prior = prior;
+    start_.gnss = gnss;
+  }
+
+  /// The newest one; empty before the session begins.
+  [[nodiscard]] const std::string& seal() const { return seal_; }
+  /// How often a session began.
+  [[nodiscard]] std::uint64_t begun() const { return begun_; }
+
+ private:
+  template <typename Ask>
+  using Answer = std::invoke_result_t<const Ask&, Client&, const ScanOptions&>;
+
+  template <typename Ask>
+  Answer<Ask> send(const ScanOptions& options, const Ask& ask) {
+    try {
+      return ask_all(options, ask);
+    } catch (const Problem& problem) {
+      // Else no session would ever begin.
+      if (problem.code == "InvalidPrior" || problem.code == "NoGeodeticOrigin") forget_place();
+      if (!is_seal_spent(problem) || seal_.empty()) throw;
+    }
+    seal_.clear();
+    return ask_all(options, ask);
+  }
+
+  /// The server that answered last; after a lost connection, or where it is busy, the next one.
+  template <typename Ask>
+  Answer<Ask> ask_all(const ScanOptions& options, const Ask& ask) {
+    ScanOptions once = options;
+    once.retries = 0;
+    const std::size_t most =
+        servers_.size() + static_cast<std::size_t>(std::max(0, options.retries.value_or(kRetries)));
+    for (std::size_t tries = 1;; ++tries) {
+      const bool begins = seal_.empty();
+      std::optional<Problem> busy;
+      try {
+        Answer<Ask> answer = ask(servers_[at_], once);
+        note(begins);
+        return answer;
+      } catch (const Problem& problem) {
+        note(begins);
+        if (tries >= most || !is_passing(problem)) throw;
+        busy = problem;
+      } catch (const ConnectionLost&) {
+        if (tries >= most) throw;
+      }
+      at_ = (at_ + 1) % servers_.size();
+      if (tries % servers_.size() == 0)
+        std::this_thread::sleep_for(
+            wait_time(static_cast<int>(tries / servers_.size()), busy ? &*busy : nullptr));
+    }
+  }
+
+  void note(bool begins) {
+    if (!begins || seal_.empty()) return;
+    ++begun_;
+    forget_place();
+  }
+  /// Where it was at first says nothing of a later session.
+  void forget_place() {
+    start_.prior.reset();
+    start_.gnss.reset();
+  }
+
+  static constexpr int kRetries = 4;
+  std::vector<Client> servers_;
+  std::size_t at_ = 0;
+  std::string map_;
+  SessionOptions start_;
+  std::string seal_;
+  std::uint64_t begun_ = 0;
 };
 
 /// Feeds a session from a sensor that does not wait: `put` never blocks, one thread sends, and of
@@ -1226,7 +1402,7 @@ class SessionStream {
       changed_.notify_all();
     }
     lock.unlock();
-    if (!session_.empty()) client_.close_session(session_);
+    if (!session_.empty() && !opening_.sealed) client_.close_session(session_);
   }
 
   /// @return how long to wait before the newest scan is tried; nothing when this one is done with.
@@ -1234,14 +1410,16 @@ class SessionStream {
     PoseAnswer answer;
     try {
       if (const auto prior = take_prior()) begin_at(*prior);
-      if (session_.empty()) open();
+      if (session_.empty() && !opening_.sealed) open();
       ScanOptions options = scans_;
       options.odometry = scan.odometry;
       options.movable = scan.movable;
       options.retries = 0;
-      answer = client_.track(session_, Points(scan.points, scan.layout), scan.stamp_ns, options);
+      const Points points(scan.points, scan.layout);
+      answer = opening_.sealed ? track_sealed(points, scan.stamp_ns, options)
+                               : client_.track(session_, points, scan.stamp_ns, options);
     } catch (const Problem& problem) {
-      const bool gone = problem.code == "UnknownSession";
+      const bool gone = problem.code == "UnknownSession" || is_seal_spent(problem);
       if (gone) session_.clear();
       failed(scan, problem);
       if (!gone && !is_passing(problem)) return std::nullopt;
@@ -1266,6 +1444,7 @@ class SessionStream {
 
   /// After a refusal that may pass, the next scan tries again.
   void begin_at(const Prior& prior) {
+    if (opening_.sealed) session_.clear();
     if (session_.empty()) {
       opening_.prior = prior;
       opening_.gnss.reset();
@@ -1286,17 +1465,35 @@ class SessionStream {
     }
   }
 
+  PoseAnswer track_sealed(const Points& points, std::int64_t stamp_ns, const ScanOptions& options) {
+    const bool begins = session_.empty();
+    try {
+      PoseAnswer answer = client_.track_sealed(map_, session_, points, stamp_ns, options, opening_);
+      if (begins) begun();
+      return answer;
+    } catch (const Problem& problem) {
+      forget_unusable_place(problem);
+      throw;
+    }
+  }
+
   void open() {
     // Not tried again here: meanwhile a newer scan may have come, and the stream may have ended.
     opening_.retries = 0;
     try {
       session_ = client_.open_session(map_, opening_);
     } catch (const Problem& problem) {
-      constexpr int kUnprocessable = 422;
-      // Else no scan would ever be sent.
-      if (problem.status == kUnprocessable) opening_.prior.reset();
+      forget_unusable_place(problem);
       throw;
     }
+    begun();
+  }
+  /// Else no scan would ever be sent.
+  void forget_unusable_place(const Problem& problem) {
+    constexpr int kUnprocessable = 422;
+    if (problem.status == kUnprocessable) opening_.prior.reset();
+  }
+  void begun() {
     // Where it was at first says nothing of a later session.
     opening_.prior.reset();
     opening_.gnss.reset();
@@ -1317,7 +1514,7 @@ class SessionStream {
   OnError on_error_;
   SessionOptions opening_;
   ScanOptions scans_;
-  std::string session_;  // of the sending thread
+  std::string session_;  // of the sending thread; a seal where sessions are sealed
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<Scan> waiting_;

@@ -82,6 +82,9 @@ std::string pose_answer_json(const PoseAnswer& answer) {
   if (const auto& skew_s = answer.clock_skew_s) {
     json["warnings"].push_back({{"code", "clock_skew"}, {"ahead_s", *skew_s}});
   }
+  if (answer.is_replay) json["warnings"].push_back({{"code", "seal_replayed"}});
+  if (!answer.other_version.empty())
+    json["warnings"].push_back({{"code", "version_activated"}, {"version", answer.other_version}});
   if (!answer.session.empty()) {
     json["session"] = answer.session;
     json["searched_from"] = localization::name_of(answer.searched_from);

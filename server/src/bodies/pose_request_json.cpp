@@ -183,11 +183,11 @@ maps::PointCloud take_points(const RequestJson& request, std::vector<JsonPoints>
 /// Keys of a request with a scan; the places of the scan differ in one key alone.
 std::vector<std::string_view> known_keys(JsonScan scan, ScanPurpose purpose) {
   std::vector<std::string_view> keys = {"T_base_lidar", "movable", "stamp_ns"};
-  if (purpose == ScanPurpose::kSession) {
-    keys.emplace_back("odometry");
-  } else {
-    keys.insert(keys.end(), {"prior", "gnss", "method"});
-  }
+  const bool is_sealed = purpose == ScanPurpose::kSealed;
+  const bool is_of_session = purpose == ScanPurpose::kSession || is_sealed;
+  if (is_of_session) keys.emplace_back("odometry");
+  if (!is_of_session || is_sealed) keys.insert(keys.end(), {"prior", "gnss"});
+  if (!is_of_session) keys.emplace_back("method");
   if (purpose != ScanPurpose::kBatchItem) keys.emplace_back("deadline_ms");
   if (scan == JsonScan::kInside) keys.emplace_back("points");
   if (scan == JsonScan::kRawBeside) keys.emplace_back("layout");

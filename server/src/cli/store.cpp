@@ -2,6 +2,7 @@
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/map_levels.hpp>
 #include "blobs/blob_place.hpp"
+#include "sealing/seal_keys.hpp"
 #include "store/free_bytes.hpp"
 #include "store/package_store.hpp"
 #include "store/postgres_database.hpp"
@@ -133,6 +134,13 @@ void gc(const StoreArguments& arguments) {
     text += fmt::format("removed {} unused packages and {} leftovers of interrupted writes",
                         cleared.packages.size(), cleared.leftovers);
   print(arguments.json, server::cleared_json(cleared, removed), text);
+}
+
+void rotate_seal_key(const StoreArguments& arguments) {
+  require_store(arguments.store);
+  server::rotate_seal_key(arguments.store);
+  print(arguments.json, R"({"rotated": true})",
+        "sessions are sealed with a new key within a second; the one before counts for 60 s");
 }
 
 /// Makes index and levels of detail from the map's points, whatever lies there.
@@ -417,6 +425,8 @@ void add_upkeep(CLI::App& group, const Arguments& arguments) {
       "again");
   add_restore(group, arguments);
   add_to_s3(group, arguments);
+  add_command(group, arguments,
+              {"rotate-seal-key", "Seal sessions with a new key from now on", rotate_seal_key});
 }
 
 /// What concerns a state in PostgreSQL.

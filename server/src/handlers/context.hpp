@@ -11,6 +11,7 @@
 #include "pose/rollout_counts.hpp"
 #include "pose/session_table.hpp"
 #include "pose/vehicle_table.hpp"
+#include "sealing/session_seals.hpp"
 #include "store/ids_and_times.hpp"
 
 #include <stillmap/server/options_holder.hpp>
@@ -44,6 +45,7 @@ struct Context {
   MapLayers& layers;
   AlignmentQueue& queue;
   SessionTable& sessions;
+  SessionSeals& seals;
   Jobs& jobs;
   Metrics& metrics;
   MapStats& stats;
@@ -80,6 +82,7 @@ void add_difference_routes(std::vector<Route>& routes, const Context& context);
 void add_localize_routes(std::vector<Route>& routes, const Context& context);
 void add_batch_routes(std::vector<Route>& routes, const Context& context);
 void add_session_routes(std::vector<Route>& routes, const Context& context);
+void add_sealed_session_routes(std::vector<Route>& routes, const Context& context);
 void add_rollout_routes(std::vector<Route>& routes, const Context& context);
 void add_stats_routes(std::vector<Route>& routes, const Context& context);
 void add_openapi_routes(std::vector<Route>& routes);

@@ -22,12 +22,19 @@ constexpr std::array<std::string_view, 8> kQueryNames = {"stamp_ns", "deadline_m
                                                          "method",   kVehicleParameter};
 constexpr std::array<std::string_view, 6> kSessionNames = {
     "stamp_ns", "deadline_ms", "odom_since_ns", "odom_t", "odom_q", "odom_sigma"};
+constexpr std::array<std::string_view, 11> kSealedNames = {
+    "stamp_ns", "deadline_ms", "odom_since_ns", "odom_t", "odom_q",         "odom_sigma",
+    "prior_t",  "prior_q",     "prior_sigma",   "gnss",   kVehicleParameter};
+
+std::span<const std::string_view> names_of(ScanPurpose purpose) {
+  if (purpose == ScanPurpose::kSession) return kSessionNames;
+  if (purpose == ScanPurpose::kSealed) return kSealedNames;
+  return kQueryNames;
+}
 
 Values unique_values(const std::vector<std::pair<std::string, std::string>>& query,
                      bool takes_layout, ScanPurpose purpose) {
-  const std::span<const std::string_view> names =
-      purpose == ScanPurpose::kSession ? std::span<const std::string_view>(kSessionNames)
-                                       : std::span<const std::string_view>(kQueryNames);
+  const std::span<const std::string_view> names = names_of(purpose);
   Values values;
   for (const auto& [name, value] : query) {
     bool known = takes_layout && name == "layout";

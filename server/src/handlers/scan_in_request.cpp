@@ -109,7 +109,7 @@ ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& op
 
 void refuse_query(const HttpRequest& request, ScanPurpose purpose) {
   constexpr const char* kWhy = "with this content type the parameters stand in the JSON";
-  if (purpose == ScanPurpose::kQuery)
+  if (purpose == ScanPurpose::kQuery || purpose == ScanPurpose::kSealed)
     return require_vehicle_alone(request.query,
                                  fmt::format("'{}' alone: {}", kVehicleParameter, kWhy));
   if (request.query.empty()) return;

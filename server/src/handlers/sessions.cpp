@@ -1,15 +1,12 @@
 #include "bodies/pose_request_json.hpp"
 #include "bodies/session_json.hpp"
 #include "errors/api_error.hpp"
-#include "handlers/scan_in_request.hpp"
+#include "handlers/session_scan.hpp"
 #include "page_query.hpp"
-#include "pose_handling.hpp"
 #include "pose_response.hpp"
 #include "security/map_limits.hpp"
 
 #include <fmt/format.h>
-
-#include "store/store_refusal.hpp"
 
 #include <map>
 #include <optional>
@@ -37,18 +34,6 @@ class SessionStream final : public EventSource {
     return to_stream(read);
   }
 
-  /// What a vehicle gets now that names no version; nothing where no version is active, the active
-  /// one is broken or the map is gone: then a session keeps its own.
-  static std::optional<std::string> version_now(const MapCatalog& catalog, const std::string& map,
-                                                const std::string& vehicle) {
-    try {
-      return catalog.find_for(map, vehicle).version;
-    } catch (const ApiError&) {
-      return std::nullopt;
-    } catch (const StoreRefusal&) {
-      return std::nullopt;
-    }
-  }
   /// A session that is told of its map's new version whenever somebody looks needs no listener in
   /// the catalogue.
   static void note_version(Session& session, const MapCatalog& catalog) {
@@ -77,15 +62,14 @@ HttpResponse open_session(const Context& context, const HttpRequest& request) {
   ServedVersion map = context.catalog.ready(
       wanted.map, is_named ? std::optional<std::string_view>(wanted.version) : std::nullopt,
       wanted.label);
-  const std::optional<Rollout> rollout = context.catalog.rollout(wanted.map);
-  const bool is_rolled_out = !is_named && rollout && rollout->version == map.version;
+  const bool came_with_rollout = !is_named && is_rolled_out(context.catalog, map);
   context.vehicles.seen(map.map, wanted.label, map.version, {}, unix_ns());
   const auto prior = prior_in(map, wanted.prior, wanted.gnss);
   const std::shared_ptr<Session> session =
       context.sessions.open(std::move(map), {.owner = request.caller.key_id,
                                              .label = wanted.label,
                                              .version_was_named = is_named,
-                                             .is_rolled_out = is_rolled_out});
+                                             .is_rolled_out = came_with_rollout});
   if (prior) session->initialize(prior);
   HttpResponse response =
       json_response(session_json(*session, context.sessions.limits().idle), 201);
@@ -100,21 +84,6 @@ HttpResponse initialize_session(const Context& context, const HttpRequest& reque
   const SessionRequest wanted = read_session_json(request.body, false, context.options);
   session->initialize(prior_in(session->map(), wanted.prior, wanted.gnss));
   return json_response(session_json(*session, context.sessions.limits().idle));
-}
-
-/// What `Tracker` would refuse, in the words of the interface.
-void check_odometry(const PoseParameters& parameters) {
-  constexpr double kMaxStepM = 1e5;
-  const auto& step = parameters.odometry;
-  if (!step) return;
-  if (step->since_ns >= *parameters.stamp_ns) {
-    throw field_error(ErrorCode::kInvalidOdometry, "odometry.since_ns",
-                      std::to_string(step->since_ns), "a stamp before the scan's");
-  }
-  if (!(step->T_since_lidar.translation().cwiseAbs().maxCoeff() <= kMaxStepM)) {
-    throw field_error(ErrorCode::kInvalidOdometry, "odometry.position", "a longer way",
-                      fmt::format("at most {} m", kMaxStepM));
-  }
 }
 
 /// @throws ApiError kUnknownSession when the session ended while its scan waited.
@@ -135,8 +104,8 @@ void require_version(const Context& context, const std::shared_ptr<Session>& ses
   if (const std::string why = context.catalog.distrust_of(map, session->map().version);
       !why.empty())
     throw ApiError(ErrorCode::kNotSigned, why);
-  const auto version = SessionStream::version_now(context.catalog, map, session->vehicle());
-  const auto active = SessionStream::version_now(context.catalog, map, {});
+  const auto version = version_now(context.catalog, map, session->vehicle());
+  const auto active = version_now(context.catalog, map, {});
   if (!version || !active || !session->lost_its_version(*version, *active)) return;
   context.sessions.close(session->id(), session->owner(), "rolled_back");
   throw ApiError(ErrorCode::kUnknownSession,
@@ -149,12 +118,7 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
   require_version(context, session);
   SessionStream::note_version(*session, context.catalog);
   const PoseForms forms = pose_forms(request, session->map());
-  ScanInBody found = find_scan(request, context.options, ScanPurpose::kSession);
-  if (!found.parameters.stamp_ns) {
-    throw field_error(ErrorCode::kInvalidRequest, "stamp_ns", "nothing",
-                      "the scan's time: a session orders its scans by it");
-  }
-  check_odometry(found.parameters);
+  ScanInBody found = find_session_scan(request, context.options, ScanPurpose::kSession);
   const std::int64_t stamp_ns = *found.parameters.stamp_ns;
   const PoseClock::time_point deadline = deadline_of(context, request, found.parameters.deadline);
   PoseAnswer answer = answer_for(session->map(), request);
@@ -165,24 +129,13 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
     scan.wait_for_turn();
     AlignmentQueue::Ticket ticket = enter(context, request, scan);
     scan.begin();
-    answer.timing.wait_ms = milliseconds_since(request.received);
-    context.metrics.queue_waited(1e-3 * answer.timing.wait_ms);
-    const PoseClock::time_point begin = PoseClock::now();
-    require_wanted(request, deadline);
-    PoseRequest pose_request = decode_scan(std::move(found), context.options);
-    answer.timing.decode_ms = milliseconds_since(begin);
-    const PoseClock::time_point aligning = PoseClock::now();
-    const localization::ThinScan thinned = scan_to_match(
-        pose_request, [&](const localization::ScanView& all) { return session->thin(all); },
-        answer);
-    localization::TrackedPose pose =
-        session->track(stamp_ns, thinned, pose_request.parameters.odometry);
-    answer.timing.align_ms = milliseconds_since(aligning);
-    const bool everywhere = pose.searched_from == localization::SearchedFrom::kEverywhere;
-    ticket.scan_done(everywhere ? WorkKind::kEverywhere : WorkKind::kNearPrior);
-    answer.searched_from = pose.searched_from;
-    answer.result = std::move(pose.result);
-    answer.parameters = std::move(pose_request.parameters);
+    track_session_scan(
+        context, request, std::move(found),
+        {.thin = [&](const localization::ScanView& all) { return session->thin(all); },
+         .track = [&](std::int64_t stamp, const localization::ThinScan& scan_lidar,
+                      const auto& odometry) { return session->track(stamp, scan_lidar, odometry); },
+         .deadline = deadline},
+        ticket, answer);
   }
   check_deadline(deadline);
   session->touch(PoseClock::now());

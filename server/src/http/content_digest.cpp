@@ -1,10 +1,8 @@
 #include "http/content_digest.hpp"
 
 #include "errors/api_error.hpp"
+#include "http/base64.hpp"
 
-#include <openssl/evp.h>
-
-#include <array>
 #include <cstddef>
 #include <stdexcept>
 #include <string_view>
@@ -23,17 +21,13 @@ ApiError unreadable(const std::string& text) {
 
 /// @param base64  44 characters.
 std::optional<std::string> hex_of(std::string_view base64) {
-  std::array<unsigned char, kSha256Bytes + 1> bytes{};
-  // One "=" at the end means one byte of padding in the 33 that are decoded.
-  if (base64.back() != '=' || base64[kBase64Bytes - 2] == '=') return std::nullopt;
-  const auto* from = reinterpret_cast<const unsigned char*>(base64.data());
-  if (EVP_DecodeBlock(bytes.data(), from, static_cast<int>(base64.size())) !=
-      static_cast<int>(bytes.size()))
-    return std::nullopt;
+  const std::optional<std::string> bytes = from_base64(base64);
+  if (!bytes || bytes->size() != kSha256Bytes) return std::nullopt;
   std::string hex;
-  for (std::size_t i = 0; i < kSha256Bytes; ++i) {
-    hex += kHex[bytes[i] >> 4U];
-    hex += kHex[bytes[i] & 15U];
+  for (const char each : *bytes) {
+    const auto byte = static_cast<unsigned char>(each);
+    hex += kHex[byte >> 4U];
+    hex += kHex[byte & 15U];
   }
   return hex;
 }
@@ -55,18 +49,16 @@ std::optional<std::string> wanted_sha256(const HttpRequest& request) {
 }
 
 std::string content_digest_of(const std::string& sha256_hex) {
-  std::array<unsigned char, kSha256Bytes> bytes{};
+  std::string bytes;
   if (sha256_hex.size() != 2 * kSha256Bytes) throw std::invalid_argument("a SHA-256 in hex");
   for (std::size_t i = 0; i < kSha256Bytes; ++i) {
     const std::size_t high = kHex.find(sha256_hex[2 * i]);
     const std::size_t low = kHex.find(sha256_hex[2 * i + 1]);
     if (high == std::string_view::npos || low == std::string_view::npos)
       throw std::invalid_argument("a SHA-256 in hex");
-    bytes[i] = static_cast<unsigned char>(high * 16 + low);
+    bytes += static_cast<char>(high * 16 + low);
   }
-  std::array<unsigned char, kBase64Bytes + 1> text{};
-  EVP_EncodeBlock(text.data(), bytes.data(), static_cast<int>(bytes.size()));
-  return "sha-256=:" + std::string(reinterpret_cast<const char*>(text.data()), kBase64Bytes) + ":";
+  return "sha-256=:" + to_base64(bytes) + ":";
 }
 
 }  // namespace stillmap::server

@@ -94,11 +94,11 @@ void parse_field(std::string_view line, RequestHead& head) {
 
 /// Headers that the server acts on and that may stand once: of two, another reader might take the
 /// other one.
-constexpr std::array<std::string_view, 14> kOnce = {
+constexpr std::array<std::string_view, 15> kOnce = {
     "authorization", "content-digest",  "content-encoding", "content-length",
     "content-type",  "expect",          "if-match",         "if-none-match",
     "if-range",      "idempotency-key", "last-event-id",    "origin",
-    "range",         "sec-fetch-site"};
+    "range",         "sec-fetch-site",  "stillmap-seal"};
 
 /// @param authority  the host in the target; empty when it has none.
 void check_fields(const RequestHead& head, const std::string& authority) {

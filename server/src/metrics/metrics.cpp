@@ -171,6 +171,9 @@ void Metrics::queue_waited(double seconds) {
   parts_->histogram(Metric::kQueueWait).Observe(seconds);
 }
 void Metrics::scan_superseded() { parts_->counter(Metric::kSuperseded).Increment(); }
+void Metrics::sealed_scan(std::string_view result) {
+  parts_->counter(Metric::kSealedScans, {result}).Increment();
+}
 void Metrics::set_workers(std::size_t busy, std::size_t stuck, std::size_t all) {
   parts_->gauge(Metric::kWorkersStuck).Set(static_cast<double>(stuck));
   parts_->gauge(Metric::kWorkersBusy).Set(static_cast<double>(busy));

@@ -61,6 +61,8 @@ class Metrics {
   void queue_waited(double seconds);
   /// A scan of a session that was dropped since a newer one came.
   void scan_superseded();
+  /// @param result  `begun`, `continued` or `replayed`.
+  void sealed_scan(std::string_view result);
   void set_workers(std::size_t busy, std::size_t stuck, std::size_t all);
   void set_queue(std::size_t waiting, std::size_t places);
   void set_sessions(std::size_t open);

@@ -29,6 +29,7 @@ enum class Metric : std::size_t {
   kWorkersStuck,
   kSuperseded,
   kSessions,
+  kSealedScans,
   kMaps,
   kMapLoadSeconds,
   kMapLoadFailures,
@@ -84,6 +85,9 @@ inline constexpr std::array kMetricTable = {
     MetricInfo{"stillmap_scans_superseded_total", "counter", "",
                "Scans of sessions dropped for a newer one."},
     MetricInfo{"stillmap_sessions", "gauge", "", "Open sessions."},
+    MetricInfo{"stillmap_sealed_scans_total", "counter", "result",
+               "Scans of sealed sessions: begun (without a seal), continued, replayed (a seal that "
+               "was used before)."},
     MetricInfo{"stillmap_maps", "gauge", "state", "Maps by state: ready, loading, failed."},
     MetricInfo{"stillmap_map_load_seconds", "gauge", "map", "Duration of a map's last load."},
     MetricInfo{"stillmap_map_load_failures_total", "counter", "map", "Loads that failed."},

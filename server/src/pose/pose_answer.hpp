@@ -32,6 +32,10 @@ struct PoseAnswer {
   /// Of a session's scan: its id, and where the search started.
   std::string session{};
   localization::SearchedFrom searched_from = localization::SearchedFrom::kNowhere;
+  /// Of a sealed session's scan: whether this server has gone on from its seal before, and the
+  /// version that the vehicle would get now, where that is another one.
+  bool is_replay = false;
+  std::string other_version{};
   struct Timing {
     /// For a worker.
     double wait_ms = 0.0;

@@ -33,6 +33,7 @@ enum class ScanPurpose {
   kQuery,      ///< a pose query of its own
   kBatchItem,  ///< one of several, which share a deadline
   kSession,    ///< the next scan of a session
+  kSealed,     ///< the same of a sealed one, or its first scan, which may have a prior
 };
 
 /// Everything a pose request says besides the scan.

@@ -97,10 +97,10 @@ void DurableFiles::NewFile::close() {
   if (::close(descriptor) != 0) fail(path_, -errno);
 }
 
-DurableFiles::NewFile DurableFiles::create(const fs::path& file) const {
+DurableFiles::NewFile DurableFiles::create(const fs::path& file, unsigned mode) const {
   int descriptor = -1;
   pass(*calls_, {.kind = Kind::kCreateFile, .path = file}, [&](std::size_t) -> std::int64_t {
-    descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+    descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode);
     return descriptor < 0 ? -errno : 0;
   });
   return {*calls_, file, descriptor};

@@ -10,6 +10,8 @@ namespace stillmap::server {
 
 /// Of a folder with what its owner alone may read: hashes of keys, the audit log.
 inline constexpr unsigned kOwnersFolder = 0700;
+/// Of such a file.
+inline constexpr unsigned kOwnersFile = 0600;
 
 /// Changes to files and folders that outlive a power cut once synced. All throw StorageError with
 /// the path and the system's reason; nothing is retried but interrupted and short writes.
@@ -45,8 +47,8 @@ class DurableFiles {
     std::uint64_t size_ = 0;
   };
 
-  /// Refuses an existing path, links included.
-  [[nodiscard]] NewFile create(const std::filesystem::path& file) const;
+  /// Refuses an existing path, links included. @param mode  before the umask.
+  [[nodiscard]] NewFile create(const std::filesystem::path& file, unsigned mode = 0666) const;
   /// Makes the bytes of a file last.
   void sync_file(const std::filesystem::path& file) const;
   /// @param mode  before the umask. @return false when the folder was there already.

@@ -19,6 +19,8 @@ constexpr const char* kMovedStateName = "state.db.moved";
 constexpr const char* kLockName = ".lock";
 /// Room on the disk, for removals when it is full.
 constexpr const char* kBallastName = ".ballast";
+/// What seals the sessions of the store's vehicles (sealing/seal_keys.hpp).
+constexpr const char* kSealKeysName = "seal.keys";
 constexpr const char* kPackagesName = "packages";
 /// In a backup, so that nobody takes it for a store or a store for it.
 constexpr const char* kBackupMark = ".stillmap-backup";

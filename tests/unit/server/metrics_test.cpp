@@ -34,6 +34,7 @@ void use_all(Metrics& metrics) {
   metrics.aligned("town", "default", "ok", 0.03);
   metrics.queue_waited(0.1);
   metrics.scan_superseded();
+  metrics.sealed_scan("begun");
   metrics.set_workers(1, 0, 2);
   metrics.set_queue(3, 16);
   metrics.set_sessions(4);

@@ -51,6 +51,9 @@ struct TrackedPose {
 
 class TrackingSession;
 
+/// Most bytes of `Tracker::state`.
+inline constexpr std::size_t kMaxTrackerStateBytes = 1511;
+
 /// Follows one vehicle through one map.
 ///
 /// Each scan is looked for around the pose that the last ones predict (constant velocity, or the
@@ -100,6 +103,21 @@ class Tracker {
                                        const std::optional<OdometryStep>& odometry = std::nullopt);
   /// As the session's aligner thins a scan.
   [[nodiscard]] ThinScan thin(const ScanView& scan_lidar) const;
+
+  /// Stamp of the newest scan that was answered; nothing before the first one.
+  [[nodiscard]] std::optional<std::int64_t> newest_ns() const;
+  /// The session as bytes, at most `kMaxTrackerStateBytes`. A tracker that is restored from them
+  /// answers scans newer than `newest_ns` with the same bits as this one, if both have the same map
+  /// and options. The bytes do not hold what other scans need: late ones, those that are sent
+  /// again, and odometry from before the newest scan (then the velocity is used instead).
+  /// @throws std::logic_error before a scan was answered: there is nothing to go on from.
+  [[nodiscard]] std::string state() const;
+  /// Goes on where another tracker was. Give it newer scans only.
+  /// @throws std::invalid_argument as the constructor; maps::InputError for bytes that are no
+  /// state, or of another version of the format. Any bytes may be given; whoever takes them from
+  /// somebody else checks that they are unchanged.
+  [[nodiscard]] static Tracker restored(std::shared_ptr<const Aligner> aligner,
+                                        const TrackerOptions& options, std::string_view state);
 
  private:
   std::unique_ptr<TrackingSession> session_;

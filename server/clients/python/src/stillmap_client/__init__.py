@@ -8,11 +8,12 @@ from .client import Client
 from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem, StillmapError
 from .mirror import Mirrored
 from .scan import Pcd, Scan
+from .sealed import SealedSession
 from .session import Session, SessionStream
 from .types import (Event, GeoPose, Gnss, MapInfo, MapReference, MovableBox, Odometry, Offset, Pose, PoseAnswer,
                     PoseWarning, Prior, Protection, Query, SessionInfo, Version)
 
 __all__ = ["Client", "ConnectionLost", "DownloadChanged", "Event", "GeoPose", "Gnss", "MapInfo", "MapReference",
            "Mirrored", "MovableBox", "NeedsChoice", "Odometry", "Offset", "Pcd", "Pose", "PoseAnswer", "PoseWarning",
-           "Prior", "Problem", "Protection", "Query", "Scan", "Session", "SessionInfo", "SessionStream",
-           "StillmapError", "Version"]
+           "Prior", "Problem", "Protection", "Query", "Scan", "SealedSession", "Session", "SessionInfo",
+           "SessionStream", "StillmapError", "Version"]

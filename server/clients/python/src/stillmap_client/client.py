@@ -18,6 +18,7 @@ from .archive import Archive
 from .errors import ConnectionLost, DownloadChanged, NeedsChoice, Problem
 from .mirror import Mirrored, mirrored
 from .scan import Scan, multipart, scan_part, scan_request
+from .sealed import SealedSession
 from .session import Session
 from .thinning import OWN_VEHICLE_M, Thinning, refuses_thin
 from .transport import GEOPOSE, Body, Response, Transport, as_object, wait_s
@@ -191,6 +192,15 @@ class Client:
                 wanted[name] = value
         return self._read(lambda json: Session(self._transport, self.thinning, json), "POST", "/v1/sessions", wanted, idempotent=False,
                           retries=retries)
+
+    def sealed_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
+                       gnss: Optional[Gnss] = None, label: Optional[str] = None, seal: Optional[str] = None,
+                       others: "Sequence[Client]" = ()) -> SealedSession:
+        """Follows one vehicle, with nothing kept on a server. @param seal  of a session to go on with. @param others
+        clients of further servers of the same store, that are asked when this one does not answer; behind a load
+        balancer there is no need of them."""
+        servers = [(each._transport, each.thinning) for each in (self, *others)]
+        return SealedSession(servers, map, prior, gnss, version, label, seal)
 
     def sessions(self, map: Optional[str] = None) -> List[SessionInfo]:
         """Those of the key; of all keys with the scope admin. @param map  only those of this map."""

@@ -19,6 +19,9 @@ class ConnectionLost(StillmapError):
 class Problem(StillmapError):
     """The server refused the request or failed at it (RFC 9457). Branch on `code`, which is stable."""
 
+    #: That came with `NoPose`: the session goes on.
+    seal: Optional[str] = None
+
     def __init__(self, status: int, body: Mapping[str, Any], retry_after_s: Optional[float] = None) -> None:
         self.status = status
         self.code = str(body.get("code", ""))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import logging
 import threading
-from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Mapping, Optional, Sequence, Tuple, Union
 
 from . import events
 from .errors import ConnectionLost, Problem, StillmapError
 from .scan import Pcd, Scan, encoded, scan_request
+from .sealed import SealedSession
 from .thinning import Thinning
 from .transport import GEOPOSE, Response, Transport, wait_s
 from .types import Event, GeoPose, Gnss, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior, SessionInfo
@@ -123,6 +124,8 @@ class SessionStream:
     prior, gnss  where the vehicle is at first; at most one of the two
     label        what operators see
     T_base_lidar, layout, deadline_ms  of all scans
+    sealed       the session travels with the scans (`Client.sealed_session`), and outlives any server
+    others       clients of further servers, of a sealed session
     What these raise is logged and changes nothing.
     """
 
@@ -130,7 +133,8 @@ class SessionStream:
                  on_error: Optional[Callable[[int, StillmapError], None]] = None, prior: Optional[Prior] = None,
                  gnss: Optional[Gnss] = None, version: Optional[str] = None, label: Optional[str] = None,
                  T_base_lidar: Optional[Pose] = None, deadline_ms: Optional[int] = None,
-                 layout: Optional[str] = None) -> None:
+                 layout: Optional[str] = None, sealed: bool = False, others: "Sequence[Client]" = ()) -> None:
+        self._sealed, self._others = sealed, others
         self._client, self._map, self._prior, self._gnss = client, map, prior, gnss
         self._on_answer, self._on_error = on_answer, on_error
         self._version, self._label, self._T_base_lidar = version, label, T_base_lidar
@@ -142,7 +146,7 @@ class SessionStream:
         self._closed = False
         #: Counters: scans sent and answered, replaced by a newer one before they were sent, failed; sessions.
         self.answered = self.superseded = self.failed = self.sessions = 0
-        self._session: Optional[Session] = None
+        self._session: Optional[Union[Session, SealedSession]] = None
         self._thread = threading.Thread(target=self._work, name="stillmap-session", daemon=True)
         self._thread.start()
 
@@ -221,6 +225,8 @@ class SessionStream:
             self._tell(self._on_error, stamp_ns, told)
             return told
         self.answered += 1
+        if isinstance(self._session, SealedSession):
+            self.sessions = self._session.begun
         self._tell(self._on_answer, stamp_ns, answer)
         return None
 
@@ -233,6 +239,9 @@ class SessionStream:
         if self._session is None:
             self._prior, self._gnss = prior, None
             return
+        if isinstance(self._session, SealedSession):
+            self._session.initialize(prior)
+            return
         try:
             self._session.initialize(prior, retries=0)
         except StillmapError as error:
@@ -241,7 +250,10 @@ class SessionStream:
                     self._start = prior
             raise
 
-    def _open(self) -> Session:
+    def _open(self) -> Union[Session, SealedSession]:
+        if self._sealed:
+            return self._client.sealed_session(self._map, prior=self._prior, gnss=self._gnss, version=self._version,
+                                               label=self._label, others=self._others)
         try:
             session = self._client.open_session(self._map, prior=self._prior, gnss=self._gnss, version=self._version,
                                                 label=self._label, retries=0)

@@ -71,7 +71,9 @@ class Response:
         if not isinstance(body, dict):
             body = {"detail": self._found("application/problem+json")}
         after = self.headers.get("retry-after", "")
-        return Problem(self.status, body, float(after) if after.isdecimal() else None)
+        problem = Problem(self.status, body, float(after) if after.isdecimal() else None)
+        problem.seal = self.headers.get("stillmap-seal")
+        return problem
 
 
 class Transport:
@@ -146,7 +148,7 @@ class Transport:
                 if left <= 0 or lost.silent or connected and not idempotent:
                     raise lost from error
                 problem = None
-            if problem is not None and (left <= 0 or problem.status not in (429, 503) or problem.code in _FINAL):
+            if problem is not None and (left <= 0 or not is_passing(problem)):
                 raise problem
             left -= 1
             waited += 1
@@ -234,6 +236,11 @@ def _opener(body: Body) -> Tuple[int, Callable[[], BinaryIO]]:
         return body
     data = body or b""
     return len(data), lambda: io.BytesIO(data)
+
+
+def is_passing(problem: Problem) -> bool:
+    """Whether the same request may be answered later."""
+    return problem.status in (429, 503) and problem.code not in _FINAL
 
 
 def wait_s(tries: int, problem: Optional[Problem]) -> float:

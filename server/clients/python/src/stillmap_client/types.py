@@ -174,10 +174,17 @@ class Offset:
 
 @dataclass(frozen=True)
 class PoseWarning:
-    """`clock_skew`: the stamp is `ahead_s` ahead of the server's clock."""
+    """`clock_skew`: the stamp is `ahead_s` ahead of the server's clock. Of sealed sessions `seal_replayed`: the server
+    has gone on from this seal before; `version_activated`: the vehicle would get `version` now."""
 
     code: str
-    ahead_s: float
+    ahead_s: Optional[float] = None
+    version: Optional[str] = None
+
+    @classmethod
+    def of(cls, json: Mapping[str, Any]) -> "PoseWarning":
+        ahead_s, version = json.get("ahead_s"), json.get("version")
+        return cls(str(json["code"]), None if ahead_s is None else float(ahead_s), None if version is None else str(version))
 
 
 @dataclass(frozen=True)
@@ -232,7 +239,7 @@ class PoseAnswer:
                    prior_to_pose=None if offset is None else Offset(float(offset["m"]), float(offset["rad"])),
                    iterations=int(json["iterations"]), map=MapReference.of(json["map"]),
                    stamp_ns=_integer(json["stamp_ns"]), timing_ms=json["timing_ms"],
-                   warnings=tuple(PoseWarning(each["code"], float(each["ahead_s"])) for each in json["warnings"]),
+                   warnings=tuple(PoseWarning.of(each) for each in json["warnings"]),
                    request_id=json["request_id"], session=json.get("session"),
                    searched_from=json.get("searched_from"), raw=json)
 

@@ -1,0 +1,59 @@
+#pragma once
+
+#include "sealing/seal.hpp"
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <mutex>
+#include <vector>
+
+namespace stillmap::server {
+
+/// How long a seal counts after it was made, and a key after the next one came.
+inline constexpr std::chrono::seconds kSealLife{60};
+
+/// Where the servers of one store get the keys that seal its sessions. Safe from several threads.
+class SealKeySource {
+ public:
+  virtual ~SealKeySource() = default;
+  SealKeySource() = default;
+  SealKeySource(const SealKeySource&) = delete;
+  SealKeySource& operator=(const SealKeySource&) = delete;
+
+  /// The first one seals, all of them open; never empty.
+  [[nodiscard]] virtual std::vector<SealKey> keys() = 0;
+};
+
+/// Keys in the file `seal.keys` of a store's folder: a line of 64 hex digits each, the newest
+/// first. The second one counts for `kSealLife` after the file was written, later ones do not. A
+/// file that is replaced is noticed within a second. A backup of the store does not have it.
+class StoreSealKeys final : public SealKeySource {
+ public:
+  using Clock = std::chrono::system_clock;
+
+  /// Reads the file; makes it, for its owner alone, when there is none. Where the disk takes no
+  /// file, the key lives as long as this, and that is logged.
+  /// @param now  for tests.
+  /// @throws maps::InputError for a file without a key, maps::StorageError.
+  explicit StoreSealKeys(const std::filesystem::path& store,
+                         std::function<Clock::time_point()> now = Clock::now);
+
+  [[nodiscard]] std::vector<SealKey> keys() override;
+
+ private:
+  void read();
+
+  std::filesystem::path file_;
+  std::function<Clock::time_point()> now_;
+  std::mutex mutex_;
+  std::vector<SealKey> keys_;
+  std::filesystem::file_time_type written_;
+  Clock::time_point looked_;
+};
+
+/// Puts a new key in front of the one that seals now. Servers of the store take it within a second.
+/// @throws as `StoreSealKeys`; maps::InputError when there is no key yet.
+void rotate_seal_key(const std::filesystem::path& store);
+
+}  // namespace stillmap::server
