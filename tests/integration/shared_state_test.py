@@ -9,7 +9,6 @@ import json
 import os
 import pathlib
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -17,33 +16,14 @@ import time
 import unittest
 
 PROGRAM, MAP, DRIVE = (pathlib.Path(word).resolve() for word in sys.argv[1:4])
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "soak"))
+for folder in ("soak", "fleet"):
+    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / folder))
+import postgres_engine  # noqa: E402
 from serving import Server  # noqa: E402
-
-POSTGRES = pathlib.Path(__file__).resolve().parent.parent / "support" / "postgres.sh"
 
 
 def run(*words):
     return subprocess.run([str(PROGRAM), *map(str, words)], check=True, capture_output=True, text=True).stdout
-
-
-class Postgres:
-    """Listens on a socket in its folder alone."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        folder.mkdir()
-        self.start()
-        self.address = f"postgres:///postgres?user=postgres&host={folder}"
-
-    def start(self):
-        self.process = subprocess.Popen([str(POSTGRES), str(self.folder)], stdout=subprocess.DEVNULL,
-                                        stderr=subprocess.DEVNULL)
-
-    def kill(self):
-        """As in a crash."""
-        self.process.send_signal(signal.SIGQUIT)
-        self.process.wait()
 
 
 def ask(server, method, path, body=None, key=None):
@@ -66,12 +46,12 @@ def in_the_end(holds, what, seconds=30):
 class SharedState(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        if subprocess.run([str(POSTGRES), "--check"], check=False, capture_output=True).returncode != 0:
+        if postgres_engine.is_missing():
             print("no PostgreSQL: skipped")
             sys.exit(77)
         cls.folder = pathlib.Path(tempfile.mkdtemp())
         cls.folder.chmod(0o755)
-        cls.postgres = Postgres(cls.folder / "postgres")
+        cls.postgres = postgres_engine.Postgres(cls.folder / "postgres")
         cls.store = cls.folder / "store"
         run("store", "add", cls.store, "town", "v1", MAP, "--activate")
         in_the_end(lambda: subprocess.run([str(PROGRAM), "store", "copy", str(cls.store), "--to", cls.postgres.address],

@@ -351,7 +351,7 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
     return {*known, false};
   }
   const DurableFiles files(*calls_);
-  std::optional<FolderLock> lock(locked());
+  std::optional<StoreLock> lock(locked());
   const auto job = maker ? std::optional(maker->job) : std::nullopt;
   if (whole && is_stored(wanted.digest)) return commit(map, wanted, job);
   const auto incoming = begin_incoming(files);
@@ -376,7 +376,7 @@ PackageStore::Added PackageStore::add_archive(std::string_view map, std::string_
   check_name("map", map);
   check_name("version", version);
   const DurableFiles files(*calls_);
-  std::optional<FolderLock> lock(locked());
+  std::optional<StoreLock> lock(locked());
   const auto incoming = begin_incoming(files);
   const auto taken = blobs_ ? begin_incoming(files) : nullptr;
   lock.reset();
@@ -546,7 +546,7 @@ StoredVersion PackageStore::replace(const std::string& former, PackageFolder::In
                                     const fs::path& package) {
   check_readable(package);
   StoredVersion converted = version_in(package, {});
-  const FolderLock lock = locked();
+  const StoreLock lock = locked();
   if (!state_->uses(former)) return converted;
   if (!packages_.has_whole(converted.digest))
     incoming.publish(package, packages_.path_of(converted.digest));
@@ -585,7 +585,7 @@ StoredMap PackageStore::roll_back(std::string_view map, std::optional<std::int64
 bool PackageStore::create_map(std::string_view map) { return state_->create_map(map, now_ns()); }
 
 bool PackageStore::remove(std::string_view map, std::string_view version) {
-  const FolderLock lock = locked();
+  const StoreLock lock = locked();
   const std::string digest = state_->version(map, version).digest;
   state_->remove_version(map, version);
   clear_condemned_if_possible();
@@ -594,7 +594,7 @@ bool PackageStore::remove(std::string_view map, std::string_view version) {
 }
 
 void PackageStore::remove_map(std::string_view map, WhenActive when_active) {
-  const FolderLock lock = locked();
+  const StoreLock lock = locked();
   state_->remove_map(map, when_active);
   clear_condemned_if_possible();
 }
@@ -609,7 +609,7 @@ bool PackageStore::is_in_use(const StoredMap& map, const std::string& version) c
 }
 
 std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::size_t count) {
-  const FolderLock lock = locked();
+  const StoreLock lock = locked();
   const StoredMap now = state_->map(map);
   std::vector<std::string> others;
   for (const StoredVersion& version : state_->versions(map))
@@ -629,7 +629,7 @@ std::vector<std::string> PackageStore::keep_newest(std::string_view map, std::si
 }
 
 void PackageStore::drop_derived(std::int64_t not_since_ns) {
-  const FolderLock lock = locked();
+  const StoreLock lock = locked();
   std::set<std::string> used, others;
   for (const StoredMap& map : state_->maps())
     for (const StoredVersion& version : state_->versions(map.name))
@@ -665,10 +665,11 @@ void PackageStore::clear_condemned() {
   }
 }
 
-FolderLock PackageStore::locked() const {
+StoreLock PackageStore::locked() const {
   if (!read_only_because().empty())
     throw maps::StorageError(folder_.string(), "open for reading only: " + read_only_because());
-  return FolderLock(folder_ / kLockName);
+  FolderLock folder(folder_ / kLockName);
+  return {std::move(folder), state_->lock_of_packages()};
 }
 
 }  // namespace stillmap::server

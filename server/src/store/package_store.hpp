@@ -29,6 +29,12 @@ class StorageError;
 
 namespace stillmap::server {
 
+/// Held while packages come and go: in the folder, and between servers that share a state.
+struct StoreLock {
+  FolderLock folder;
+  std::shared_ptr<void> state;
+};
+
 /// Published map versions: immutable packages on the disk and the state that names them, kept in
 /// step through kills, full disks and power cuts (server/store.md says how). A change that returned
 /// is kept; one that threw StorageError may or may not have happened, and may be asked for again.
@@ -181,7 +187,7 @@ class PackageStore {
   // The rest is for backups (store_backup.hpp), checks and cleaning (store_upkeep.hpp).
 
   /// Held while packages come and go. @throws StorageError when it is open for reading only.
-  [[nodiscard]] FolderLock locked() const;
+  [[nodiscard]] StoreLock locked() const;
   [[nodiscard]] const PackageFolder& packages() const { return packages_; }
   /// Null when the packages are in the store's folder.
   [[nodiscard]] PackageBlobs* blobs() const { return blobs_.get(); }

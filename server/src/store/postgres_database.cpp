@@ -19,6 +19,7 @@ using std::chrono::steady_clock;
 constexpr Oid kInteger = 20, kText = 25, kReal = 701;
 /// "STMP": who writes to this state holds the advisory lock of this number.
 constexpr const char* kLockToWrite = "SELECT pg_advisory_xact_lock(1398033744)";
+constexpr const char* kLockOfPackages = "SELECT pg_advisory_lock(1398033745)";
 /// Whether a commit would wait for a standby that is not there. Who may not see what standbys do
 /// (`GRANT pg_monitor` lets a role) learns it by waiting.
 constexpr const char* kStandbyIsAway =
@@ -290,6 +291,11 @@ void PostgresDatabase::begin_writing() {
     roll_back();
     throw;
   }
+}
+
+void PostgresDatabase::lock_packages() {
+  execute("SET statement_timeout TO '60s'; SET lock_timeout TO '60s'");
+  run(kLockOfPackages, {});
 }
 
 void PostgresDatabase::begin_reading() {

@@ -87,6 +87,10 @@ class PostgresDatabase final : public Database {
   void commit() override;
   void roll_back() noexcept override;
 
+  /// Waits for the lock of servers that move packages, at most a minute, and holds it as long as
+  /// this connection. @throws StateAway.
+  void lock_packages();
+
   struct Clear {
     void operator()(pg_result* result) const;
   };

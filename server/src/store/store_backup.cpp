@@ -187,7 +187,7 @@ BackedUp back_up_store(const PackageStore& store, const fs::path& folder) {
       } catch (const std::runtime_error&) {
         if (!store.read_only_because().empty()) throw;
         // Removed since the state was written? Under the lock nothing is.
-        const FolderLock lock = store.locked();
+        const StoreLock lock = store.locked();
         vanished = !state.uses(digest);
         if (vanished) break;
         const std::string why =

@@ -46,11 +46,20 @@ StoreDatabase::StoreDatabase(const fs::path& file, std::string read_only_because
 }
 
 StoreDatabase::StoreDatabase(const PostgresAddress& address)
-    : calls_(&DiskCalls::real()), watch_(std::make_unique<PostgresWatch>(address)) {
+    : address_(address),
+      calls_(&DiskCalls::real()),
+      watch_(std::make_unique<PostgresWatch>(address)) {
   auto database = std::make_unique<PostgresDatabase>(address, *watch_);
   migrate(*database);
   database_ = std::move(database);
   reader_ = std::make_unique<PostgresDatabase>(address, *watch_);
+}
+
+std::shared_ptr<void> StoreDatabase::lock_of_packages() {
+  if (!address_) return nullptr;
+  const auto lock = std::make_shared<PostgresDatabase>(*address_, *watch_);
+  lock->lock_packages();
+  return lock;
 }
 
 void StoreDatabase::copy_to(SqliteDatabase& file) {

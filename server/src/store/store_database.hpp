@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "store/postgres_database.hpp"
@@ -75,6 +76,9 @@ class StoreDatabase {
     }
     return change();
   }
+  /// Held by who moves packages, between servers that share a state; null for SQLite, whose store
+  /// has a lock in its folder.
+  [[nodiscard]] std::shared_ptr<void> lock_of_packages();
   /// Writes all of it into a new file of SQLite's.
   void copy_to(SqliteDatabase& file);
   /// Makes the ballast, a file that holds some room of the disk for `even_when_full`, unless it is
@@ -93,6 +97,7 @@ class StoreDatabase {
 
   /// Empty for PostgreSQL.
   std::filesystem::path file_;
+  std::optional<PostgresAddress> address_;
   DiskCalls* calls_;
   std::string read_only_because_;
   std::mutex mutex_, reader_mutex_;

@@ -89,7 +89,7 @@ void sync_tree(const fs::path& folder, const DurableFiles& files) {
 MigratedPackage migrate_package(PackageStore& store, const PackageOfVersions& former,
                                 const maps::DerivedWork& work) {
   const DurableFiles files(store.calls());
-  std::optional<FolderLock> lock(store.locked());
+  std::optional<StoreLock> lock(store.locked());
   PackageFolder::Incoming incoming(store.packages(), files);
   lock.reset();
   const fs::path package = incoming.path() / "package";

@@ -158,6 +158,10 @@ StoreState::StoreState(const PostgresAddress& address) : inner_(std::make_unique
 
 StoreState::~StoreState() = default;
 
+std::shared_ptr<void> StoreState::lock_of_packages() const {
+  return inner_->database.lock_of_packages();
+}
+
 bool StoreState::is_shared() const { return !inner_->database.is_sqlite(); }
 
 KeyTable& StoreState::keys() { return inner_->keys; }

@@ -87,6 +87,8 @@ class StoreState {
   StoreState(const StoreState&) = delete;
   StoreState& operator=(const StoreState&) = delete;
 
+  /// As `StoreDatabase::lock_of_packages`.
+  [[nodiscard]] std::shared_ptr<void> lock_of_packages() const;
   /// Whether servers with folders of their own may share it.
   [[nodiscard]] bool is_shared() const;
   /// Why it is in memory only; empty when it is not.

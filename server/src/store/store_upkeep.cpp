@@ -34,7 +34,7 @@ std::string versions_with(const StoreState& state, const std::string& digest) {
 }
 
 ClearedPackages clear_unused(PackageStore& store) {
-  const FolderLock lock = store.locked();
+  const StoreLock lock = store.locked();
   ClearedPackages cleared;
   // A folder may need a block more for the name of what is on its way out.
   store.even_when_full([&] {

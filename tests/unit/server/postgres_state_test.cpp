@@ -8,6 +8,7 @@
 
 #include <gmock/gmock.h>
 
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <filesystem>
@@ -220,6 +221,20 @@ TEST_F(PostgresStateTest, CopiesAStateThereAndBack) {
     EXPECT_EQ(state->map("gone").revision, 1);
     EXPECT_EQ(state->audit().append({.time_ns = 4}), 4);
   }
+}
+
+TEST_F(PostgresStateTest, OneServerAtATimeMovesPackages) {
+  const StoreState first(*address_), second(*address_);
+  std::shared_ptr<void> held = first.lock_of_packages();
+  std::atomic<bool> has_it = false;
+  std::jthread other([&] {
+    const std::shared_ptr<void> lock = second.lock_of_packages();
+    has_it = true;
+  });
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  EXPECT_FALSE(has_it);
+  held.reset();
+  EXPECT_TRUE(in_the_end([&] { return has_it.load(); }));
 }
 
 TEST_F(PostgresStateTest, AStoreIsAttachedToOneState) {

@@ -2,7 +2,7 @@ import type { Schema } from '../api/client.js';
 import type { Pose } from './pose.js';
 import type { Status } from './words.js';
 
-type Written = Schema<'PoseAnswer'>;
+type Written = Omit<Schema<'PoseAnswer'>, 'warnings'>;
 
 /** What the server says about one scan, as the view needs it. */
 export interface Answer {
