@@ -278,14 +278,15 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
     refuse_if_in_use(database, name);
     std::set<std::string> digests;
     for (const StoredVersion& version : versions_of(database, name)) digests.insert(version.digest);
+    constexpr const char* kRetireVersions =
+        "INSERT INTO retired (map, version, digest) SELECT map, name, digest FROM versions"
+        " WHERE map = ? ON CONFLICT DO NOTHING";
+    constexpr const char* kRetireMap =
+        "INSERT INTO retired_maps (name, revision) SELECT name, revision FROM maps WHERE name = ?"
+        " ON CONFLICT (name) DO UPDATE SET revision = excluded.revision";
     for (const char* sql :
-         {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?",
-          "INSERT INTO retired (map, version, digest) SELECT map, name, digest FROM versions WHERE "
-          "map = ?"
-          " ON CONFLICT DO NOTHING",
-          "INSERT INTO retired_maps (name, revision) SELECT name, revision FROM maps WHERE name = ?"
-          " ON CONFLICT (name) DO UPDATE SET revision = excluded.revision",
-          "DELETE FROM rollouts WHERE map = ?", "DELETE FROM versions WHERE map = ?",
+         {"UPDATE maps SET active = NULL, previous = NULL WHERE name = ?", kRetireVersions,
+          kRetireMap, "DELETE FROM rollouts WHERE map = ?", "DELETE FROM versions WHERE map = ?",
           "DELETE FROM saved_edits WHERE map = ?", "DELETE FROM activations WHERE map = ?",
           "DELETE FROM signatures WHERE map = ?",
           "DELETE FROM drive_parts WHERE drive IN (SELECT id FROM drives WHERE map = ?)",

@@ -3,6 +3,8 @@
 #include "store/disk_full.hpp"
 #include "store/package_store.hpp"
 
+#include <gtest/gtest.h>
+
 #include <filesystem>
 #include <fstream>
 #include <functional>
