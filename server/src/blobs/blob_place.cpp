@@ -164,7 +164,8 @@ std::size_t move_to_s3(const fs::path& folder, const ServerOptions& options,
       const auto opened = maps::MapPackage::open(package);
       for (const auto& [path, file] : opened->manifest().files)
         sent.emplace(file.sha256, file.bytes);
-      if (progress) progress(++done, digests.size());
+      ++done;
+      if (progress) progress(done, digests.size());
     }
     note_place(folder, place, DiskCalls::real());
   }

@@ -86,9 +86,7 @@ std::string backup_json(const BackedUp& done) {
   return to_text({{"packages", {{"copied", done.copied}, {"kept", done.kept}}}}, kIndent);
 }
 
-std::string attached_json(const std::string& state) {
-  return to_text({{"state", state}}, kIndent);
-}
+std::string attached_json(const std::string& state) { return to_text({{"state", state}}, kIndent); }
 
 std::string restored_json(std::size_t packages) {
   return to_text({{"packages", packages}}, kIndent);
