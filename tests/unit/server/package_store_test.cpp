@@ -331,7 +331,8 @@ TEST_F(PackageStoreTest, LeavesNothingOfWhatItRefuses) {
     return false;
   };
   expect_refused(Reason::kNotProcessing, [&] {
-    store.add("town", "2", folder_.path() / "second", PackageStore::Maker{store.jobs().job(job), cancel});
+    store.add("town", "2", folder_.path() / "second",
+              PackageStore::Maker{store.jobs().job(job), cancel});
   });
   EXPECT_THAT(listing(store_ / "packages"), IsEmpty());
 }
