@@ -60,7 +60,7 @@ std::size_t count_crash(const JobFolder& folder, const StoredJob& job) {
 std::string name_in(const fs::path& folder) {
   const fs::path file = folder / ".server";
   if (const auto known = read_small_file(file)) return *known;
-  const std::string name = random_hex(16);
+  std::string name = random_hex(16);
   write_small_file(file, name);
   return name;
 }

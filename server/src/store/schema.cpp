@@ -3,8 +3,9 @@
 #include <stillmap/maps/error.hpp>
 
 #include <array>
-#include <regex>
+#include <cstddef>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "store/audit_chain.hpp"
@@ -388,11 +389,19 @@ CREATE TABLE rollouts (
 
 /// SQLite's types as PostgreSQL's: numbers of 64 bits, texts in the order of their bytes.
 std::string as_postgres(std::string sql) {
-  for (const auto& [type, wanted] :
-       {std::pair{" INTEGER", " BIGINT"}, std::pair{" TEXT", " TEXT COLLATE \"C\""},
-        std::pair{" REAL", " DOUBLE PRECISION"}, std::pair{" STRICT, WITHOUT ROWID", ""},
-        std::pair{" STRICT", ""}})
-    sql = std::regex_replace(sql, std::regex(std::string(type) + "\\b"), wanted);
+  constexpr std::array<std::pair<std::string_view, std::string_view>, 5> kWords = {{
+      {" INTEGER", " BIGINT"},
+      {" TEXT", " TEXT COLLATE \"C\""},
+      {" REAL", " DOUBLE PRECISION"},
+      {" STRICT, WITHOUT ROWID", ""},
+      {" STRICT", ""},
+  }};
+  for (const auto& [word, wanted] : kWords) {
+    for (std::size_t at = 0; (at = sql.find(word, at)) != std::string::npos;) {
+      sql.replace(at, word.size(), wanted);
+      at += wanted.size();
+    }
+  }
   return sql;
 }
 

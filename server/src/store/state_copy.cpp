@@ -70,12 +70,14 @@ void copy_value(const Statement& row, int column, char kind, Statement& into) {
 }
 
 void copy_table(Database& from, Database& to, const Table& table) {
-  const std::string name(table.name), columns(table.columns);
-  std::string places = "?";
-  for (std::size_t i = 1; i < table.kinds.size(); ++i) places += ", ?";
-  Statement row(from, "SELECT " + columns + " FROM " + name);
+  std::string select = "SELECT ", insert = "INSERT INTO ";
+  select.append(table.columns).append(" FROM ").append(table.name);
+  insert.append(table.name).append(" (").append(table.columns).append(") VALUES (?");
+  for (std::size_t i = 1; i < table.kinds.size(); ++i) insert += ", ?";
+  insert += ")";
+  Statement row(from, select);
   while (row.step()) {
-    Statement into(to, "INSERT INTO " + name + " (" + columns + ") VALUES (" + places + ")");
+    Statement into(to, insert);
     for (std::size_t i = 0; i < table.kinds.size(); ++i)
       copy_value(row, static_cast<int>(i), table.kinds[i], into);
     into.step();
