@@ -251,8 +251,10 @@ std::string subject_of(const Router::Match& match) {
 ApiError caught(const HttpRequest& request, const Route& route) {
   const auto logged = [&](ErrorCode code, const std::exception& error) {
     spdlog::error("{} {} {}: {}", request.request_id, route.method, route.pattern, error.what());
-    const bool is_full = code == ErrorCode::kDiskFull;
-    return ApiError(code, is_full ? "there is no room left for it" : "the log says more");
+    if (code == ErrorCode::kDiskFull) return ApiError(code, "there is no room left for it");
+    if (code == ErrorCode::kStateAway)
+      return ApiError(code, "it may have happened: send it again after Retry-After");
+    return ApiError(code, "the log says more");
   };
   try {
     throw;

@@ -9,8 +9,7 @@ namespace stillmap::mapping {
 
 /// An order in which eliminating the nodes of a graph fills few blocks of its factor: nested
 /// dissection (George, 1973; CHOLMOD's with METIS). Where many drives cross the same streets, this
-/// is where the minimum degree that Ceres takes otherwise fails: for 100,000 nodes on 4 km of
-/// streets its factor takes 14 times the work.
+/// is where the minimum degree that Ceres takes otherwise fails (mapping/decisions/ceres.md).
 /// @return all nodes, once each. @throws std::bad_alloc.
 [[nodiscard]] std::vector<std::size_t> elimination_order(const PoseGraph& graph);
 

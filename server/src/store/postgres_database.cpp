@@ -153,11 +153,11 @@ bool PostgresAddress::is_one(std::string_view text) {
 
 PostgresAddress::PostgresAddress(std::string text) : text_(std::move(text)) {
   char* error = nullptr;
-  PQconninfoOption* const options = libpq().parse(text_.c_str(), &error);
+  PQconninfoOption* const options = is_one(text_) ? libpq().parse(text_.c_str(), &error) : nullptr;
   if (options == nullptr) {
     libpq().free(error);
     // libpq's words hold the whole text, and so a password.
-    throw maps::InputError("the state's address", "what libpq cannot read",
+    throw maps::InputError("the state's address", "what is no address of PostgreSQL",
                            "postgres://user@host:5432/database, or several hosts with commas");
   }
   const auto value = [&](const char* keyword) {
