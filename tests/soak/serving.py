@@ -166,7 +166,7 @@ def left_of_jobs(store, ended):
             left += list(folder.iterdir())
         elif folder.name.isdigit() and int(folder.name) in ended:
             left += [each for each in folder.iterdir() if each.name not in ("log", "outcome.json")]
-        elif folder.name != ".lock":
+        elif folder.name not in (".lock", ".server"):
             left.append(folder)
     return left
 
