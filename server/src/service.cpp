@@ -311,7 +311,7 @@ Service::Service(const ServerOptions& options, PackageStore& store, AlignerBuild
                  .idle = std::chrono::seconds(options_.sessions.idle_expiry_s),
                  .client_share = options_.client_share},
                 queue_),
-      seals_(std::make_unique<StoreSealKeys>(store.folder())),
+      seals_(seal_keys_of(store)),
       jobs_(JobSetup{live_, store, drives_, catalog_, metrics_, mapper}),
       context_{options_,
                live_,

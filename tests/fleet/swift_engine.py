@@ -107,7 +107,7 @@ class Swift:
         # After the change of user, which would undo it: ends with this process.
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)
 
-    def wait(self, server, seconds=30):
+    def wait(self, server, seconds=60):
         end = time.monotonic() + seconds
         while not self.reachable(self.host, self.ports[server]):
             if self.processes[server].poll() is not None or time.monotonic() > end:

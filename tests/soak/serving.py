@@ -49,13 +49,14 @@ LOCALIZE = "prior_t=60,0.3,1.8&prior_q=0,0,0,1"
 class Server:
     """`stillmap serve` in a process group of its own, so that what it starts can be killed with it."""
 
-    def __init__(self, program, store, log, prefix=(), environment=None, options=(), port=0):
+    def __init__(self, program, store, log, prefix=(), environment=None, options=(), port=0,
+                 host="127.0.0.1"):
         self.started = time.monotonic()
         self.log = open(log, "a")
         self.process = subprocess.Popen(
             [*prefix, program, "serve", "--store", str(store), "--port", str(port), *options], stdout=subprocess.PIPE,
             stderr=self.log, text=True, start_new_session=True, env={**os.environ, **(environment or {})})
-        self.port = 0
+        self.host, self.port = host, 0
 
     def listen(self):
         """@return whether it listens; it has ended otherwise."""
@@ -78,7 +79,7 @@ class Server:
 
     def ask(self, method, path, body=None, headers=None, timeout=20):
         """@return the response, with `body` and `json`. Raises OSError when none came."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout)
+        connection = http.client.HTTPConnection(self.host, self.port, timeout=timeout)
         try:
             connection.request(method, path, body=body, headers=headers or {})
             response = connection.getresponse()

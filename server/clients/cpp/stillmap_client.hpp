@@ -16,6 +16,8 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
+#include <map>
+#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -620,11 +622,13 @@ class Client {
         return each.problem && refuses_thin(*each.problem);
       });
     };
-    const std::string path = with_vehicle(place_of(map, version) + "/localize/batch", vehicle);
-    std::vector<BatchAnswer> answers = send_batch(path, items, deadline);
+    Request request{with_vehicle(place_of(map, version) + "/localize/batch", vehicle), {}};
+    request.deadline = deadline;
+    if (version.empty()) request.active_of = map;
+    std::vector<BatchAnswer> answers = send_batch(request, items);
     if (!thin_profile_ || !refused(answers)) return answers;
     const auto profile = std::exchange(thin_profile_, std::nullopt);
-    answers = send_batch(path, items, deadline);
+    answers = send_batch(request, items);
     if (refused(answers)) thin_profile_ = profile;
     return answers;
   }
@@ -635,10 +639,11 @@ class Client {
     wanted["map"] = map;
     if (!options.version.empty()) wanted["version"] = options.version;
     if (!options.label.empty()) wanted["label"] = options.label;
+    Request request{
+        "/v1/sessions", {wanted.dump(), "application/json"}, nullptr, false, options.retries};
+    if (options.version.empty()) request.active_of = map;
     return read<std::string>(
-        post(
-            {"/v1/sessions", {wanted.dump(), "application/json"}, nullptr, false, options.retries}),
-        [](const nlohmann::json& json) { return json.at("id").get<std::string>(); });
+        post(request), [](const nlohmann::json& json) { return json.at("id").get<std::string>(); });
   }
 
   /// The next scan of a session. Not sent again when the connection is lost: it may have counted.
@@ -805,6 +810,8 @@ class Client {
   void close_session(const std::string& session) { http_.Delete("/v1/sessions/" + session); }
 
  private:
+  friend class SealedSession;
+
   std::uint64_t download(const std::string& url, const std::string& path) {
     const std::string part = path + ".part";
     std::ofstream file;
@@ -874,8 +881,11 @@ class Client {
     std::optional<std::chrono::milliseconds> deadline{};
     /// Is sent, and becomes that of the answer.
     std::string* seal = nullptr;
+    /// The map whose active version is asked; empty for others.
+    std::string active_of{};
   };
   static constexpr const char* kSeal = "Stillmap-Seal";
+  static constexpr const char* kRevision = "Stillmap-Revision";
 
   static std::string place_of(const std::string& map, const std::string& version) {
     return "/v1/maps/" + map + (version.empty() ? "" : "/versions/" + version);
@@ -912,18 +922,17 @@ class Client {
     return vehicle.empty() ? path : httplib::append_query_params(path, {{"vehicle", vehicle}});
   }
 
-  std::vector<BatchAnswer> send_batch(const std::string& path, const std::vector<BatchItem>& items,
-                                      std::optional<std::chrono::milliseconds> deadline) {
-    nlohmann::json request = {{"queries", nlohmann::json::array()}};
+  std::vector<BatchAnswer> send_batch(Request request, const std::vector<BatchItem>& items) {
+    nlohmann::json wanted = {{"queries", nlohmann::json::array()}};
     std::vector<Body> scans;
     for (const BatchItem& item : items) {
       nlohmann::json query = detail::to_json(item.query);
       scans.push_back(body_of(item.points, is_to_thin(item.query)));
       if (!is_thin(scans.back())) query["layout"] = item.points.layout;
-      request["queries"].push_back(std::move(query));
+      wanted["queries"].push_back(std::move(query));
     }
-    if (deadline) request["deadline_ms"] = deadline->count();
-    const Body body = multipart(request, scans, "scan-");
+    if (request.deadline) wanted["deadline_ms"] = request.deadline->count();
+    request.body = multipart(wanted, scans, "scan-");
     const auto answers_of = [](const nlohmann::json& json) {
       std::vector<BatchAnswer> answers;
       for (const nlohmann::json& each : json.at("answers")) {
@@ -937,8 +946,7 @@ class Client {
       }
       return answers;
     };
-    return read<std::vector<BatchAnswer>>(post({path, body, nullptr, true, {}, deadline}),
-                                          answers_of);
+    return read<std::vector<BatchAnswer>>(post(request), answers_of);
   }
 
   static bool is_to_thin(const Query& query) {
@@ -1013,22 +1021,22 @@ class Client {
     const std::string path = place_of(map, query.version) + "/localize";
     return thin_or_whole(is_to_thin(query), [&](bool thin) {
       const Body scan = body_of(points, thin);
+      Request request{path, {}, accept, true, {}, query.deadline};
+      if (query.version.empty()) request.active_of = map;
       if (query.T_base_lidar || !query.movable.empty() ||
           (query.prior && query.prior->covariance)) {
-        nlohmann::json request = detail::to_json(query);
-        if (query.deadline) request["deadline_ms"] = query.deadline->count();
-        if (!is_thin(scan)) request["layout"] = points.layout;
-        return post({with_vehicle(path, query.vehicle),
-                     multipart(request, {scan}, "scan"),
-                     accept,
-                     true,
-                     {},
-                     query.deadline});
+        nlohmann::json parameters = detail::to_json(query);
+        if (query.deadline) parameters["deadline_ms"] = query.deadline->count();
+        if (!is_thin(scan)) parameters["layout"] = points.layout;
+        request.target = with_vehicle(path, query.vehicle);
+        request.body = multipart(parameters, {scan}, "scan");
+        return post(request);
       }
       httplib::Params flat = flat_of(query);
       if (!is_thin(scan)) flat.emplace("layout", points.layout);
-      return post(
-          {httplib::append_query_params(path, flat), scan, accept, true, {}, query.deadline});
+      request.target = httplib::append_query_params(path, flat);
+      request.body = scan;
+      return post(request);
     });
   }
 
@@ -1082,6 +1090,7 @@ class Client {
     return thin_or_whole(options.movable.empty(), [&](bool thin) {
       const Body scan = body_of(points, thin);
       Request request{path, {}, accept, true, options.retries, options.deadline, &seal};
+      if (start.version.empty()) request.active_of = map;
       if (options.odometry || options.T_base_lidar || !options.movable.empty() || !place.empty()) {
         nlohmann::json parameters = detail::to_json(options, stamp_ns);
         parameters.update(place);
@@ -1102,12 +1111,20 @@ class Client {
     httplib::Headers headers;
     if (request.seal != nullptr && !request.seal->empty()) headers.emplace(kSeal, *request.seal);
     if (request.accept != nullptr) headers.emplace("Accept", request.accept);
+    // So that no server that is behind another answers with an older version.
+    if (const auto seen = revisions_->find(request.active_of); seen != revisions_->end())
+      headers.emplace(kRevision, std::to_string(seen->second));
     be_patient(request.deadline.value_or(std::chrono::milliseconds(0)));
     const auto send = [&] {
       httplib::Result result =
           http_.Post(request.target, headers, request.body.bytes, request.body.type);
       if (request.seal != nullptr && result && result->has_header(kSeal))
         *request.seal = result->get_header_value(kSeal);
+      if (!request.active_of.empty() && result && result->has_header(kRevision)) {
+        std::int64_t& newest = (*revisions_)[request.active_of];
+        newest = std::max<std::int64_t>(
+            newest, std::strtoll(result->get_header_value(kRevision).c_str(), nullptr, 10));
+      }
       return result;
     };
     return call(send, request.again, request.retries.value_or(retries_));
@@ -1191,6 +1208,9 @@ class Client {
   double own_vehicle_m_ = localization::kOwnVehicleM;
   std::chrono::milliseconds timeout_;
   int retries_;
+  /// The newest of each map that was seen.
+  std::shared_ptr<std::map<std::string, std::int64_t>> revisions_ =
+      std::make_shared<std::map<std::string, std::int64_t>>();
 };
 
 /// One vehicle whose session travels with its scans: any server of a store goes on with it. A scan
@@ -1209,6 +1229,7 @@ class SealedSession {
         start_(std::move(start)),
         seal_(std::move(seal)) {
     if (servers_.empty()) throw std::invalid_argument("servers: found none, expected one or more");
+    for (Client& server : servers_) server.revisions_ = servers_.front().revisions_;
   }
 
   /// The next scan, newer than the one before. @param options  its odometry is since the scan of

@@ -6,6 +6,7 @@
 #include "errors/api_error.hpp"
 #include "errors/upload_errors.hpp"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <stillmap/localization/aligner.hpp>
 #include "store/postgres_database.hpp"
@@ -76,8 +77,9 @@ ServedVersion MapCatalog::find(std::string_view map) const {
     const std::scoped_lock lock(mutex_);
     const auto found = active_.find(map);
     if (found != active_.end()) {
-      const ServedVersion& served = slots_.at({found->first, found->second.serving}).served;
+      ServedVersion served = slots_.at({found->first, found->second.serving}).served;
       if (!served.package) throw unusable(served);
+      served.revision = found->second.revision;
       return served;
     }
   }
@@ -115,16 +117,22 @@ ServedVersion MapCatalog::find_for(std::string_view map, std::string_view vehicl
     const auto found = rollouts_.find(map);
     if (found != rollouts_.end() && !found->second.halted && is_in_group(found->second, vehicle)) {
       const auto slot = slots_.find({found->first, found->second.version});
-      if (slot != slots_.end() && slot->second.served.state == MapState::kReady)
-        return slot->second.served;
+      const auto active = active_.find(map);
+      if (slot != slots_.end() && slot->second.served.state == MapState::kReady &&
+          active != active_.end()) {
+        ServedVersion served = slot->second.served;
+        served.revision = active->second.revision;
+        return served;
+      }
     }
   }
   return find(map);
 }
 
 ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version,
-                                std::string_view vehicle) {
+                                std::string_view vehicle, std::int64_t seen_revision) {
   ServedVersion served = version ? find(map, *version) : find_for(map, vehicle);
+  if (!version) require_revision(served, seen_revision);
   if (served.state == MapState::kReady) return served;
   if (served.state == MapState::kFailed) throw unusable(served);
   {
@@ -137,6 +145,20 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
   throw ApiError(ErrorCode::kMapLoading,
                  version_text(served.map, served.version) +
                      " is still being loaded; send the request again after Retry-After")
+      .with_header("Retry-After", "1");
+}
+
+/// @throws ApiError kMapLoading for a map whose newer version the store has and this does not
+/// serve.
+void MapCatalog::require_revision(const ServedVersion& served, std::int64_t seen_revision) {
+  if (served.revision >= seen_revision) return;
+  // A store that was restored has fewer revisions than clients have seen.
+  if (store_.state().map(served.map).revision <= served.revision) return;
+  refresh();
+  throw ApiError(ErrorCode::kMapLoading,
+                 fmt::format("this server still loads revision {} of map '{}': ask another server, "
+                             "or this one again after Retry-After",
+                             seen_revision, served.map))
       .with_header("Retry-After", "1");
 }
 
@@ -280,25 +302,30 @@ void MapCatalog::work(const std::stop_token& stop) {
 /// Serves what the store says is active, as soon as it is loaded.
 void MapCatalog::follow_store() {
   const std::scoped_lock what_was_read_holds(follow_mutex_);
-  std::map<std::string, std::string, std::less<>> wanted;
-  for (const StoredMap& map : store_.state().maps())
-    if (map.active) wanted.emplace(map.name, *map.active);
+  std::map<std::string, StoredMap, std::less<>> wanted;
+  for (StoredMap& map : store_.state().maps())
+    if (map.active) wanted.emplace(map.name, std::move(map));
   {
     const std::scoped_lock lock(mutex_);
     std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
   }
-  for (const auto& [map, version] : wanted) follow(map, version);
+  for (const auto& [name, map] : wanted) follow(map);
   follow_rollouts();
   notice_replaced();
   notice_trust();
   forget_unused();
 }
 
-void MapCatalog::follow(const std::string& map, const std::string& version) {
+void MapCatalog::follow(const StoredMap& stored) {
+  const std::string& map = stored.name;
+  const std::string& version = *stored.active;
   {
     const std::scoped_lock lock(mutex_);
     const auto known = active_.find(map);
-    if (known != active_.end() && known->second.wanted == version) return;
+    if (known != active_.end() && known->second.wanted == version) {
+      if (known->second.serving == version) known->second.revision = stored.revision;
+      return;
+    }
   }
   (void)open({map, version});
   const std::scoped_lock lock(mutex_);
@@ -308,7 +335,10 @@ void MapCatalog::follow(const std::string& map, const std::string& version) {
   Active& active = active_[map];
   active.wanted = version;
   // What is being served goes on until the other is ready; without any, this one is loading.
-  if (active.serving.empty() || served.state == MapState::kReady) active.serving = version;
+  if (active.serving.empty() || served.state == MapState::kReady) {
+    active.serving = version;
+    active.revision = stored.revision;
+  }
   changed_.notify_all();
 }
 
@@ -484,7 +514,8 @@ void MapCatalog::serve(const Key& key) {
   const StoredMap stored = store_.state().map(map);
   const std::scoped_lock lock(mutex_);
   if (!stored.active || *stored.active != key.second || !slots_.contains(key)) return;
-  active_.insert_or_assign(map, Active{.serving = key.second, .wanted = key.second});
+  active_.insert_or_assign(
+      map, Active{.serving = key.second, .wanted = key.second, .revision = stored.revision});
 }
 
 void MapCatalog::note_failure(const Key& key, const std::string& why) {

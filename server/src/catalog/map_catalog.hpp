@@ -55,6 +55,9 @@ struct ServedVersion {
   /// As of `PackageStore::copy_of`, before it was opened: what was made of a damaged copy is not
   /// what a mended one makes.
   std::uint64_t copy = 0;
+  /// The map's, when this was found to be what it serves; 0 for a version that was asked for by
+  /// its name.
+  std::int64_t revision = 0;
   MapState state = MapState::kOpened;
   /// Why it failed; empty otherwise.
   std::string failure{};
@@ -110,9 +113,11 @@ class MapCatalog {
   [[nodiscard]] const VersionFactsTable& facts() const { return facts_; }
 
   /// The same, for poses. @param vehicle  as of `find_for`, without a version.
-  /// @throws also ApiError kMapLoading, with Retry-After.
+  /// @param seen_revision  of the map, as another server may have served it: what is older is not
+  /// given out unless the store has nothing newer.
+  /// @throws also ApiError kMapLoading, with Retry-After; StateAway.
   [[nodiscard]] ServedVersion ready(std::string_view map, std::optional<std::string_view> version,
-                                    std::string_view vehicle = {});
+                                    std::string_view vehicle = {}, std::int64_t seen_revision = 0);
 
   /// Loads the version, makes it the active one, and serves it from then on. When it cannot be
   /// loaded nothing changes.
@@ -160,11 +165,14 @@ class MapCatalog {
     std::string serving;
     /// What the store says; becomes `serving` once it is loaded.
     std::string wanted;
+    /// The newest revision of the map that is known to have `serving` as its active version.
+    std::int64_t revision = 0;
   };
 
   void work(const std::stop_token& stop);
   void follow_store();
-  void follow(const std::string& map, const std::string& version);
+  void follow(const StoredMap& stored);
+  void require_revision(const ServedVersion& served, std::int64_t seen_revision);
   void follow_rollouts();
   void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
   void notice_replaced();

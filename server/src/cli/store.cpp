@@ -137,10 +137,10 @@ void gc(const StoreArguments& arguments) {
 }
 
 void rotate_seal_key(const StoreArguments& arguments) {
-  require_store(arguments.store);
-  server::rotate_seal_key(arguments.store);
+  PackageStore store = server::open_store(arguments.store);
+  server::rotate_seal_key(store);
   print(arguments.json, R"({"rotated": true})",
-        "sessions are sealed with a new key within a second; the one before counts for 60 s");
+        "sessions are sealed with a new key within seconds; the one before counts for 60 s more");
 }
 
 /// Makes index and levels of detail from the map's points, whatever lies there.

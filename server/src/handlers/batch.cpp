@@ -167,7 +167,9 @@ HttpResponse answer_batch(const Context& context, const HttpRequest& request,
     ticket.set_deadline(deadline);
     answer_queries(context, {request, path, map, deadline, ticket}, batch);
   }
-  return json_response(batch_answer_json(batch.answers, request.request_id));
+  HttpResponse response = json_response(batch_answer_json(batch.answers, request.request_id));
+  add_revision(response, map);
+  return response;
 }
 
 }  // namespace

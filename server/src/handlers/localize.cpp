@@ -67,7 +67,9 @@ HttpResponse answer_localize(const Context& context, const HttpRequest& request,
   }
   check_deadline(deadline);
   finish_answer(context, request, answer);
-  return pose_response(answer, forms, map);
+  HttpResponse response = pose_response(answer, forms, map);
+  add_revision(response, map);
+  return response;
 }
 
 }  // namespace

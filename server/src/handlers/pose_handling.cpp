@@ -23,9 +23,26 @@ double milliseconds_since(PoseClock::time_point begin) {
   return std::chrono::duration<double, std::milli>(PoseClock::now() - begin).count();
 }
 
+std::int64_t seen_revision(const HttpRequest& request) {
+  const std::string text = request.header("stillmap-revision");
+  if (text.empty()) return 0;
+  std::int64_t revision = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), revision);
+  if (error != std::errc() || end != text.data() + text.size() || revision < 0)
+    throw field_error(ErrorCode::kInvalidRequest, kRevisionHeader, "'" + text + "'",
+                      "a whole number, as an answer about this map had it, or no such header");
+  return revision;
+}
+
 ServedVersion ready_version(const Context& context, const HttpRequest& request,
                             const PathParameters& path) {
-  return context.catalog.ready(path.at("map"), version_in(path), read_vehicle(request.query));
+  return context.catalog.ready(path.at("map"), version_in(path), read_vehicle(request.query),
+                               seen_revision(request));
+}
+
+void add_revision(HttpResponse& response, const ServedVersion& map) {
+  if (map.revision > 0)
+    response.headers.emplace_back(kRevisionHeader, std::to_string(map.revision));
 }
 
 void require_ready(const Context& context, const HttpRequest& request, const PathParameters& path) {

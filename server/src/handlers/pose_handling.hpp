@@ -18,8 +18,16 @@ using PoseClock = AlignmentQueue::Clock;
 
 [[nodiscard]] double milliseconds_since(PoseClock::time_point begin);
 
+/// The revision of a map, in answers about its active version. A client sends the newest one that
+/// it has seen, so that no server answers it with what is older.
+inline constexpr const char* kRevisionHeader = "Stillmap-Revision";
+/// 0 without that header. @throws ApiError kInvalidRequest for what is no revision.
+[[nodiscard]] std::int64_t seen_revision(const HttpRequest& request);
+/// Unless the version was named.
+void add_revision(HttpResponse& response, const ServedVersion& map);
+
 /// The version that the path names, else the one that the vehicle of the query gets.
-/// @throws as `MapCatalog::ready`; ApiError kInvalidRequest for what is no label.
+/// @throws as `MapCatalog::ready`; ApiError kInvalidRequest for what is no label or revision.
 [[nodiscard]] ServedVersion ready_version(const Context& context, const HttpRequest& request,
                                           const PathParameters& path);
 /// Whether that version can be asked for poses, before a body is read.

@@ -189,6 +189,7 @@ HttpResponse answer_next(const Context& context, const HttpRequest& request,
   finish_answer(context, request, answer);
   HttpResponse response = pose_response(answer, forms, map);
   response.headers.emplace_back(kSealHeader, next);
+  add_revision(response, map);
   return response;
 }
 

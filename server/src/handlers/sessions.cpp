@@ -61,7 +61,7 @@ HttpResponse open_session(const Context& context, const HttpRequest& request) {
   const bool is_named = !wanted.version.empty();
   ServedVersion map = context.catalog.ready(
       wanted.map, is_named ? std::optional<std::string_view>(wanted.version) : std::nullopt,
-      wanted.label);
+      wanted.label, seen_revision(request));
   const bool came_with_rollout = !is_named && is_rolled_out(context.catalog, map);
   context.vehicles.seen(map.map, wanted.label, map.version, {}, unix_ns());
   const auto prior = prior_in(map, wanted.prior, wanted.gnss);
@@ -74,6 +74,7 @@ HttpResponse open_session(const Context& context, const HttpRequest& request) {
   HttpResponse response =
       json_response(session_json(*session, context.sessions.limits().idle), 201);
   response.headers.emplace_back("Location", "/v1/sessions/" + session->id());
+  add_revision(response, session->map());
   return response;
 }
 

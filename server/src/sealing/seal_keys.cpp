@@ -1,6 +1,7 @@
 #include "sealing/seal_keys.hpp"
 
 #include "store/durable_files.hpp"
+#include "store/postgres_database.hpp"
 #include "store/store_folder.hpp"
 
 #include <stillmap/maps/error.hpp>
@@ -132,6 +133,77 @@ std::vector<SealKey> StoreSealKeys::keys() {
                              std::chrono::file_clock::to_sys(written_));
   if (keys.size() > 1 && age > kSealLife) keys.pop_back();
   return keys;
+}
+
+namespace {
+
+std::int64_t ns_of(StateSealKeys::Clock::time_point time) {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
+}
+
+SealKey key_of(const SealKeyTable::Row& row) {
+  if (const auto key = SealKey::from_hex(row.secret)) return *key;
+  throw maps::InputError("seal_keys of the state", "a key that is none",
+                         "64 lower-case hex digits: make a new one (stillmap store "
+                         "rotate-seal-key)");
+}
+
+}  // namespace
+
+StateSealKeys::StateSealKeys(SealKeyTable& table, const fs::path& store,
+                             std::function<Clock::time_point()> now)
+    : table_(table), now_(std::move(now)) {
+  read();
+  if (!rows_.empty()) return;
+  const fs::path file = store / kSealKeysName;
+  const SealKey first = is_there(file) ? read_keys(file).front() : SealKey::make();
+  table_.add_first({.secret = first.hex(), .made_ns = ns_of(now_())});
+  read();
+}
+
+void StateSealKeys::read() {
+  looked_ = now_();
+  std::vector<SealKeyTable::Row> rows = table_.newest();
+  for (const SealKeyTable::Row& row : rows) (void)key_of(row);
+  rows_ = std::move(rows);
+}
+
+std::vector<SealKey> StateSealKeys::keys() {
+  constexpr std::chrono::seconds kLookEvery{1};
+  // Until then some servers may not know it.
+  constexpr std::chrono::seconds kKnownEverywhere{5};
+  const std::scoped_lock lock(mutex_);
+  const Clock::time_point now = now_();
+  if (now - looked_ >= kLookEvery || now < looked_) {
+    try {
+      read();
+    } catch (const StateAway&) {
+      // Told by what watches the state.
+    } catch (const std::exception& error) {
+      spdlog::error("{}; the keys of sealed sessions stay as they were", error.what());
+    }
+  }
+  std::vector<SealKey> keys;
+  for (const SealKeyTable::Row& row : rows_) keys.push_back(key_of(row));
+  if (keys.size() < 2) return keys;
+  const std::chrono::nanoseconds age(ns_of(now) - rows_.front().made_ns);
+  if (age < kKnownEverywhere)
+    std::swap(keys[0], keys[1]);
+  else if (age > kKnownEverywhere + kSealLife)
+    keys.pop_back();
+  return keys;
+}
+
+std::unique_ptr<SealKeySource> seal_keys_of(PackageStore& store) {
+  if (store.state().is_shared())
+    return std::make_unique<StateSealKeys>(store.seal_keys(), store.folder());
+  return std::make_unique<StoreSealKeys>(store.folder());
+}
+
+void rotate_seal_key(PackageStore& store) {
+  if (!store.state().is_shared()) return rotate_seal_key(store.folder());
+  store.seal_keys().add(
+      {.secret = SealKey::make().hex(), .made_ns = ns_of(StateSealKeys::Clock::now())});
 }
 
 void rotate_seal_key(const fs::path& store) {

@@ -2,9 +2,13 @@
 
 #include "sealing/seal.hpp"
 
+#include "store/package_store.hpp"
+#include "store/seal_key_table.hpp"
+
 #include <chrono>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <vector>
 
@@ -52,8 +56,37 @@ class StoreSealKeys final : public SealKeySource {
   Clock::time_point looked_;
 };
 
+/// Keys in a state that servers share: they look there every second, and go on with the keys that
+/// they know while it is away. Of a new key that lies there all of them know before it seals.
+class StateSealKeys final : public SealKeySource {
+ public:
+  using Clock = std::chrono::system_clock;
+
+  /// Where the state has none yet, takes that of the file `seal.keys` in `store`, or makes one.
+  /// @param table  outlives this. @param now  for tests.
+  /// @throws maps::InputError for a file without a key, StateAway, maps::StorageError.
+  StateSealKeys(SealKeyTable& table, const std::filesystem::path& store,
+                std::function<Clock::time_point()> now = Clock::now);
+
+  [[nodiscard]] std::vector<SealKey> keys() override;
+
+ private:
+  void read();
+
+  SealKeyTable& table_;
+  std::function<Clock::time_point()> now_;
+  std::mutex mutex_;
+  std::vector<SealKeyTable::Row> rows_;
+  Clock::time_point looked_;
+};
+
+/// The keys of a store, wherever it has them.
+[[nodiscard]] std::unique_ptr<SealKeySource> seal_keys_of(PackageStore& store);
+
 /// Puts a new key in front of the one that seals now. Servers of the store take it within a second.
-/// @throws as `StoreSealKeys`; maps::InputError when there is no key yet.
+/// @throws as `StoreSealKeys`, StateAway; maps::InputError when there is no key yet.
+void rotate_seal_key(PackageStore& store);
+/// The same in the file of a folder.
 void rotate_seal_key(const std::filesystem::path& store);
 
 }  // namespace stillmap::server

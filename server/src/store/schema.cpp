@@ -23,7 +23,7 @@ constexpr std::int64_t kLeastProgram = 9;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`. From the tenth on they are for PostgreSQL too.
-constexpr std::array<const char*, 10> kSteps = {
+constexpr std::array<const char*, 11> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -211,6 +211,12 @@ CREATE TABLE rollouts (
     R"(
 ALTER TABLE jobs ADD COLUMN server TEXT NOT NULL DEFAULT '';
 ALTER TABLE jobs ADD COLUMN beat INTEGER NOT NULL DEFAULT 0;
+)",
+    R"(
+CREATE TABLE seal_keys (
+  made_ns INTEGER PRIMARY KEY NOT NULL,
+  secret TEXT NOT NULL CHECK (length(secret) = 64)
+) STRICT, WITHOUT ROWID;
 )",
 };
 

@@ -145,6 +145,7 @@ struct StoreState::Inner {
   EditsTable edits{database};
   SignatureTable signatures{database};
   RolloutTable rollouts{database};
+  SealKeyTable seal_keys{database};
   AuditLog audit{database};
 };
 
@@ -170,6 +171,7 @@ DriveTable& StoreState::drives() { return inner_->drives; }
 EditsTable& StoreState::edits() { return inner_->edits; }
 SignatureTable& StoreState::signatures() { return inner_->signatures; }
 RolloutTable& StoreState::rollouts() { return inner_->rollouts; }
+SealKeyTable& StoreState::seal_keys() { return inner_->seal_keys; }
 AuditLog& StoreState::audit() { return inner_->audit; }
 const KeyTable& StoreState::keys() const { return inner_->keys; }
 const JobTable& StoreState::jobs() const { return inner_->jobs; }

@@ -7,6 +7,7 @@
 #include "store/job_table.hpp"
 #include "store/key_table.hpp"
 #include "store/rollout_table.hpp"
+#include "store/seal_key_table.hpp"
 #include "store/signature_table.hpp"
 #include "store/store_quota.hpp"
 #include "store/store_refusal.hpp"
@@ -191,6 +192,7 @@ class StoreState {
   [[nodiscard]] EditsTable& edits();
   [[nodiscard]] SignatureTable& signatures();
   [[nodiscard]] RolloutTable& rollouts();
+  [[nodiscard]] SealKeyTable& seal_keys();
   [[nodiscard]] AuditLog& audit();
   [[nodiscard]] const KeyTable& keys() const;
   [[nodiscard]] const JobTable& jobs() const;

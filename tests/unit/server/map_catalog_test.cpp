@@ -126,6 +126,27 @@ TEST_F(MapCatalogTest, QueriesEndOnTheVersionThatTheyBeganWith) {
   EXPECT_EQ(begun.package->tile({}).size(), 100U);
 }
 
+TEST_F(MapCatalogTest, WhoHasSeenANewerRevisionIsNotAnsweredWithAnOlderOne) {
+  MapCatalog& catalog = start();
+  const std::int64_t old = catalog.ready("town", {}).revision;
+  EXPECT_EQ(old, store_.state().map("town").revision);
+  builder_.set_held(digests_[2], true);
+  // By another server, which serves it already.
+  const std::int64_t newer = store_.activate("town", "v2").revision;
+  catalog.refresh();
+  EXPECT_EQ(code_of([&] { (void)catalog.ready("town", {}, {}, newer); }), ErrorCode::kMapLoading);
+  const ServedVersion before = catalog.ready("town", {}, {}, old);
+  EXPECT_EQ(before.version, "v1");
+  EXPECT_EQ(before.revision, old);
+  // Whoever names a version gets that.
+  EXPECT_EQ(catalog.ready("town", "v1", {}, newer).revision, 0);
+  builder_.set_held(digests_[2], false);
+  wait([&] { return served() == "v2"; });
+  EXPECT_EQ(catalog.ready("town", {}, {}, newer).revision, newer);
+  // Seen in a store that was restored to an earlier time since.
+  EXPECT_EQ(catalog.ready("town", {}, {}, newer + 7).version, "v2");
+}
+
 TEST_F(MapCatalogTest, OldVersionServesWhileTheNewOneIsMadeReady) {
   MapCatalog& catalog = start();
   builder_.set_held(digests_[2], true);

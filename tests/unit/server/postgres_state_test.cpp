@@ -267,6 +267,10 @@ TEST_F(PostgresStateTest, SaysNoPassword) {
   EXPECT_THAT([&] { const StoreState state(address); },
               ::testing::Throws<StateAway>(
                   ::testing::Property(&StateAway::what, Not(::testing::HasSubstr("secret")))));
+  // libpq would take it; the file of a store's folder would not be known by it again.
+  EXPECT_THAT([] { PostgresAddress("host=db password=secret"); },
+              ::testing::Throws<maps::InputError>(::testing::Property(
+                  &maps::InputError::what, Not(::testing::HasSubstr("secret")))));
   EXPECT_THAT([] { PostgresAddress("postgres://me:secret@[broken/maps"); },
               ::testing::Throws<maps::InputError>(::testing::Property(
                   &maps::InputError::what, Not(::testing::HasSubstr("secret")))));

@@ -3,6 +3,8 @@
 #include "http/base64.hpp"
 #include "sealing/seal_keys.hpp"
 #include "sealing/session_seals.hpp"
+#include "support/disk_calls.hpp"
+#include "support/states.hpp"
 #include "support/temporary_folder.hpp"
 
 #include <gmock/gmock.h>
@@ -194,6 +196,59 @@ TEST_F(SealKeysInAStore, ABrokenFileIsRefusedAtTheStartAndLeavesTheKeysLater) {
     now_ += 2s;
     EXPECT_EQ(keys(source), before);
   }
+}
+
+class SealKeyTableTest : public ::testing::Test {
+ protected:
+  static std::vector<std::string> keys(StateSealKeys& source) {
+    std::vector<std::string> all;
+    for (const SealKey& key : source.keys()) all.push_back(key.hex());
+    return all;
+  }
+  void rotate() {
+    state_.seal_keys().add({.secret = SealKey::make().hex(),
+                            .made_ns = std::chrono::nanoseconds(now_.time_since_epoch()).count()});
+  }
+
+  test::TemporaryFolder folder_;
+  test::UnsyncedCalls unsynced_;
+  StoreState state_ = test::state_at(folder_.path() / "state.db", unsynced_);
+  StateSealKeys::Clock::time_point now_ = StateSealKeys::Clock::now();
+  std::function<StateSealKeys::Clock::time_point()> clock_ = [this] { return now_; };
+};
+
+TEST_F(SealKeyTableTest, ServersOfOneStateHaveOneKey) {
+  StateSealKeys first(state_.seal_keys(), folder_.path(), clock_);
+  // With the file of a store that had its state to itself.
+  const test::TemporaryFolder other;
+  std::ofstream(other.path() / "seal.keys") << std::string(64, 'a') << '\n';
+  StateSealKeys second(state_.seal_keys(), other.path(), clock_);
+  EXPECT_EQ(keys(first).size(), 1U);
+  EXPECT_EQ(keys(first), keys(second));
+  EXPECT_NE(keys(first).front(), std::string(64, 'a'));
+}
+
+TEST_F(SealKeyTableTest, ANewStateTakesTheKeyOfTheFile) {
+  std::ofstream(folder_.path() / "seal.keys") << std::string(64, 'b') << '\n';
+  StateSealKeys source(state_.seal_keys(), folder_.path(), clock_);
+  EXPECT_EQ(keys(source), std::vector{std::string(64, 'b')});
+}
+
+TEST_F(SealKeyTableTest, ANewKeySealsWhenAllKnowItAndTheOneBeforeCountsForAMinuteMore) {
+  StateSealKeys source(state_.seal_keys(), folder_.path(), clock_);
+  const std::string first = keys(source).front();
+  rotate();
+  now_ += 2s;
+  const std::vector<std::string> known = keys(source);
+  ASSERT_EQ(known.size(), 2U);
+  EXPECT_EQ(known[0], first);
+  now_ += 4s;
+  EXPECT_EQ(keys(source), (std::vector{known[1], first}));
+  now_ += 60s;
+  EXPECT_EQ(keys(source), std::vector{known[1]});
+  rotate();
+  rotate();
+  EXPECT_EQ(state_.seal_keys().newest().size(), 2U);
 }
 
 TEST_F(SealKeysInAStore, WhereNoFileCanBeKeptTheKeyLivesAsLongAsTheProcess) {

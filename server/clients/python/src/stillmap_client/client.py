@@ -147,7 +147,7 @@ class Client:
                 request["deadline_ms"] = deadline_ms
             body, headers = multipart(request, scans)
             return self._transport.call("POST", _place(map, version) + "/localize/batch", query=_of_vehicle(vehicle),
-                                        body=body, headers=headers,
+                                        body=body, headers=headers, active_of=map if version is None else None,
                                         timeout_s=self._transport.patience_s(deadline_ms)).json(read)
 
         return self.thinning.or_whole(True, send, _is_thin_refused)
@@ -176,7 +176,8 @@ class Client:
                 headers["Accept"] = accept
             parameters = {**parameters, **_of_vehicle(vehicle)}
             return self._transport.call("POST", _place(map, version) + "/localize", query=parameters, body=body,
-                                        headers=headers, timeout_s=self._transport.patience_s(deadline_ms))
+                                        headers=headers, active_of=map if version is None else None,
+                                        timeout_s=self._transport.patience_s(deadline_ms))
 
         return self.thinning.or_whole(_may_thin(query), send)
 
@@ -191,7 +192,7 @@ class Client:
             if value is not None:
                 wanted[name] = value
         return self._read(lambda json: Session(self._transport, self.thinning, json), "POST", "/v1/sessions", wanted, idempotent=False,
-                          retries=retries)
+                          retries=retries, active_of=map if version is None else None)
 
     def sealed_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
                        gnss: Optional[Gnss] = None, label: Optional[str] = None, seal: Optional[str] = None,
@@ -417,11 +418,12 @@ class Client:
         return self._read(as_object, method, path, body, idempotent=idempotent, timeout_s=timeout_s)
 
     def _read(self, read: Callable[[Any], _Found], method: str, path: str, body: Optional[Mapping[str, Any]] = None, *,
-              idempotent: bool = True, retries: Optional[int] = None, timeout_s: Optional[float] = None) -> _Found:
+              idempotent: bool = True, retries: Optional[int] = None, timeout_s: Optional[float] = None,
+              active_of: Optional[str] = None) -> _Found:
         headers = {} if body is None else {"Content-Type": "application/json"}
         data: Body = None if body is None else json.dumps(body).encode()
         return self._transport.call(method, path, body=data, headers=headers, idempotent=idempotent, retries=retries,
-                                    timeout_s=timeout_s).json(read)
+                                    timeout_s=timeout_s, active_of=active_of).json(read)
 
     def _change(self, path: str, if_revision: Optional[int], new_frame: bool) -> MapInfo:
         headers = {} if if_revision is None else {"If-Match": f'"{if_revision}"'}

@@ -29,6 +29,9 @@ class SealedSession:
                  version: Optional[str], label: Optional[str], seal: Optional[str]) -> None:
         self._servers = list(servers)
         self._path = f"/v1/maps/{map}" + ("" if version is None else f"/versions/{version}") + "/localize/next"
+        self._active_of = map if version is None else None
+        for transport, _ in self._servers:
+            transport.revisions = self._servers[0][0].revisions
         self._prior, self._gnss, self._label = prior, gnss, label
         #: The newest one; None before the session begins. Another process goes on from it.
         self.seal = seal
@@ -111,7 +114,7 @@ class SealedSession:
                 if self._label is not None:
                     query["vehicle"] = self._label
                 return transport.call("POST", self._path, query=query, body=body, headers=headers, retries=0,
-                                      timeout_s=transport.patience_s(deadline_ms))
+                                      active_of=self._active_of, timeout_s=transport.patience_s(deadline_ms))
 
             try:
                 response = thinning.or_whole(may_thin, send)

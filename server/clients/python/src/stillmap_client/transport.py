@@ -28,6 +28,9 @@ _KEPT_S = 1.0
 #: Longest wait between two tries.
 _MAX_WAIT_S = 30.0
 _BLOCK = 1 << 16
+#: Of answers about a map's active version; the newest goes with what is asked next, so that no server that is behind
+#: another answers with an older one.
+REVISION = "Stillmap-Revision"
 #: Refusals that the same request would meet again.
 _FINAL = frozenset({"Superseded", "MapUnusable"})
 
@@ -76,6 +79,24 @@ class Response:
         return problem
 
 
+class Revisions:
+    """The newest of each map that was seen. Safe from several threads."""
+
+    def __init__(self) -> None:
+        self._newest: Dict[str, int] = {}
+        self._lock = threading.Lock()
+
+    def header(self, map: str) -> Dict[str, str]:
+        with self._lock:
+            return {REVISION: str(self._newest[map])} if map in self._newest else {}
+
+    def note(self, map: str, response: Response) -> None:
+        found = response.headers.get(REVISION.lower(), "")
+        if found.isdecimal():
+            with self._lock:
+                self._newest[map] = max(int(found), self._newest.get(map, 0))
+
+
 class Transport:
     """Safe from several threads: each keeps a connection of its own.
 
@@ -94,13 +115,20 @@ class Transport:
         self._tls = (context or ssl.create_default_context()) if parts.scheme == "https" else None
         self._key, self._timeout_s, self.retries = key, timeout_s, retries
         self._local = threading.local()
+        self.revisions = Revisions()
 
     def call(self, method: str, path: str, *, query: Optional[Mapping[str, str]] = None, body: Body = None,
              headers: Optional[Mapping[str, str]] = None, idempotent: bool = True,
-             retries: Optional[int] = None, timeout_s: Optional[float] = None) -> Response:
-        """The whole answer, of a status 2xx: nobody follows redirections here. @raises Problem, ConnectionLost."""
+             retries: Optional[int] = None, timeout_s: Optional[float] = None,
+             active_of: Optional[str] = None) -> Response:
+        """The whole answer, of a status 2xx: nobody follows redirections here.
+        @param active_of  the map whose active version is asked. @raises Problem, ConnectionLost."""
+        if active_of is not None:
+            headers = {**(headers or {}), **self.revisions.header(active_of)}
         with self.open(method, path, query=query, body=body, headers=headers, idempotent=idempotent,
                        retries=retries, timeout_s=timeout_s, whole=True) as response:
+            if active_of is not None:
+                self.revisions.note(active_of, response)
             return response
 
     def patience_s(self, deadline_ms: Optional[int]) -> Optional[float]:
