@@ -72,7 +72,8 @@ class Server:
     def __init__(self, program, store, options):
         self.management = free_port()
         self.process = subprocess.Popen([program, "serve", "--store", store, "--port", "0", "--management-port",
-                                         str(self.management), *options], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+                                         str(self.management), *options], stdout=subprocess.PIPE,
+                                        stderr=subprocess.DEVNULL, text=True)
         line = self.process.stdout.readline()
         if "listening on" not in line:
             sys.exit("sizing.py: the server did not start: run `stillmap serve` by hand to see why")
@@ -106,7 +107,7 @@ def scans_of(drive, every, most):
     files = sorted((drive / "velodyne").glob("*.bin"))[::every][:most]
     if not files:
         sys.exit(f"sizing.py: {drive}/velodyne: no *.bin: give a drive of float32 scans (stillmap simulate makes one)")
-    times = [float(line) for line in (drive / "times.txt").read_text().split()] if (drive / "times.txt").exists() else []
+    times = [float(line) for line in (drive / "times.txt").read_text().split()] if (drive / "times.txt").is_file() else []
     sys.path.insert(0, str(HERE.parent / "clients/python/src"))
     try:
         import numpy as np
@@ -115,11 +116,12 @@ def scans_of(drive, every, most):
         thin_scan = None
         print("sizing.py: numpy or the Python client is missing, so whole scans are sent", file=sys.stderr)
     for file in files:
+        # A drive without times is one of 10 Hz.
         stamp_s = times[int(file.stem)] if times else 0.1 * int(file.stem)
+        body, kind = file.read_bytes(), "application/octet-stream"
         if thin_scan:
-            yield round(1e9 * stamp_s), thin_scan(np.fromfile(file, "<f4").reshape(-1, 4), "compact"), "application/vnd.stillmap.scan"
-        else:
-            yield round(1e9 * stamp_s), file.read_bytes(), "application/octet-stream"
+            body, kind = thin_scan(np.frombuffer(body, "<f4").reshape(-1, 4), "compact"), "application/vnd.stillmap.scan"
+        yield round(1e9 * stamp_s), body, kind
 
 
 def flat_prior(pose):
@@ -184,12 +186,12 @@ def measure_build(program, drive, options):
         if status != 0:
             sys.exit("sizing.py: the build failed: run `stillmap build` by hand to see why")
         scans = json.loads(pathlib.Path(f"{folder}/map/manifest.json").read_text())["counts"]["scans"]
-    return {"scans": scans, "cpu_s_per_scan": (usage.ru_utime + usage.ru_stime) / scans, "peak_memory_bytes": 1024 * usage.ru_maxrss,
-            "estimated_memory_bytes": estimate["memory_bytes"],
+    return {"scans": scans, "cpu_s_per_scan": (usage.ru_utime + usage.ru_stime) / scans,
+            "peak_memory_bytes": 1024 * usage.ru_maxrss, "estimated_memory_bytes": estimate["memory_bytes"],
             "work_bytes_per_scan": (estimate["work_bytes"] + estimate["package_bytes"]) / estimate["scans"]}
 
 
-def measure_state(program, address, psql, scans):
+def measure_state(program, address, psql):
     """What a server asks of PostgreSQL, and what a change leaves there. The database must be empty."""
     def number(query):
         return int(run(psql, address, "-Atc", query))
@@ -224,14 +226,16 @@ def measure_proxy(haproxy, server, scans):
     with tempfile.TemporaryDirectory() as folder:
         run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "1",
             "-subj", "/CN=localhost", "-keyout", f"{folder}/key", "-out", f"{folder}/certificate")
-        pathlib.Path(f"{folder}/both").write_text("".join(pathlib.Path(folder, name).read_text() for name in ("certificate", "key")))
+        pem = [pathlib.Path(folder, name).read_text() for name in ("certificate", "key")]
+        pathlib.Path(f"{folder}/both").write_text("".join(pem))
         port = free_port()
         config = run(sys.executable, HERE.parent / "deploy/proxy/haproxy_config.py", "--shared-state", "--user", "", "--bind",
                      f"127.0.0.1:{port}", "--certificate", f"{folder}/both", "--socket", f"{folder}/admin.sock", "--metrics",
                      f"127.0.0.1:{free_port()}", "--local-peer", f"this=127.0.0.1:{free_port()}",
                      f"a=127.0.0.1:{server.port}:{server.management}")
         pathlib.Path(f"{folder}/haproxy.cfg").write_text(config)
-        process = subprocess.Popen([haproxy, "-db", "-f", f"{folder}/haproxy.cfg"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen([haproxy, "-db", "-f", f"{folder}/haproxy.cfg"], stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL)
         try:
             context = ssl.create_default_context()
             context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
@@ -278,7 +282,7 @@ def measure(arguments):
             server.process.terminate()
             server.process.wait(60)
     if arguments.state:
-        found["state"] = measure_state(arguments.stillmap, arguments.state, arguments.psql, scans)
+        found["state"] = measure_state(arguments.stillmap, arguments.state, arguments.psql)
     if not arguments.no_build:
         found["build"] = measure_build(arguments.stillmap, arguments.drive, arguments.build_option)
     print(json.dumps(found, indent=1))
@@ -296,69 +300,88 @@ def size(number):
 
 def rows_of(measured, wanted):
     """(what, value, how it was computed)"""
-    serving, a_map = measured["serving"], measured["map"]
-    rate, spare = wanted.vehicles * wanted.hz, 1 - wanted.utilization
-    yield "scans", f"{rate:g} /s", f"{wanted.vehicles} vehicles x {wanted.hz:g} Hz"
+    yield from rows_of_serving(measured, wanted)
+    yield from rows_of_bytes(measured, wanted)
+    if "state" in measured:
+        yield from rows_of_state(measured["state"], wanted, servers_of(measured["serving"], wanted)[0])
+    if "build" in measured:
+        yield from rows_of_build(measured["build"], measured["map"], wanted)
 
-    tracked = rate * serving["cpu_s_per_sealed_scan"]
-    searched = wanted.vehicles * wanted.starts_per_hour / 3600 * serving["cpu_s_per_search"]
-    yield ("cores that are busy", f"{tracked + searched:.1f}",
-           f"{rate:g} /s x {1000 * serving['cpu_s_per_sealed_scan']:.1f} ms of CPU (measured, sealed scans), and {wanted.starts_per_hour:g} "
-           f"search(es) an hour and vehicle x {1000 * serving['cpu_s_per_search']:.0f} ms (measured)")
-    cores = (tracked + searched) / wanted.utilization
-    yield "cores", f"{cores:.0f}", f"{100 * spare:.0f} % spare (--utilization {wanted.utilization:g})"
+
+def busy_cores(serving, wanted):
+    searches_per_s = wanted.vehicles * wanted.starts_per_hour / 3600
+    return wanted.vehicles * wanted.hz * serving["cpu_s_per_sealed_scan"] + searches_per_s * serving["cpu_s_per_search"]
+
+
+def servers_of(serving, wanted):
+    """How many, and why."""
+    cores = busy_cores(serving, wanted) / wanted.utilization
     if wanted.zones > 1:
         each = math.ceil(cores / (wanted.zones - 1) / wanted.server_cores)
-        servers = each * wanted.zones
-        how = f"{each} in each of {wanted.zones} zones, {wanted.server_cores} cores each: enough without one zone"
-    else:
-        servers = math.ceil(cores / wanted.server_cores) + 1
-        how = f"{wanted.server_cores} cores each: enough without one server"
-    yield "servers", f"{servers}", how
+        return each * wanted.zones, f"{each} in each of {wanted.zones} zones: enough without one zone"
+    return math.ceil(cores / wanted.server_cores) + 1, "enough without one server"
 
-    package = a_map["package_bytes"] / a_map["km"] * wanted.km
-    disk = a_map["disk_bytes"] / a_map["km"] * wanted.km
-    index = a_map["index_bytes"] / a_map["km"] * wanted.km
-    yield ("active version, as sent", size(package), f"{wanted.km:g} km x {size(a_map['package_bytes'] / a_map['km'])} a km (measured)")
-    yield ("memory of a server, least", size(serving["memory_bytes"] + 2**30), f"{size(serving['memory_bytes'])} (measured), and 1 GiB for "
-           "the system and an index that is made")
-    yield ("memory of a server, so that no pose waits for the disk", size(serving["memory_bytes"] + 2**30 + index),
-           f"and the index of all: {wanted.km:g} km x {size(a_map['index_bytes'] / a_map['km'])} a km (measured). If poses are sent "
-           "by regions, a server touches a part of it")
-    yield ("disk of a server (`cache_bytes`)", size(2 * disk), "the active version and one more, with index and levels (measured)")
-    yield ("S3", size(wanted.versions * package), f"{wanted.versions} versions (--versions), if they share nothing")
-    yield ("network in", f"{8 * rate * serving['bytes_in_per_scan'] / 1e6:.3g} Mbit/s",
-           f"{rate:g} /s x {size(serving['bytes_in_per_scan'])} (measured)")
-    yield ("network out", f"{8 * rate * serving['bytes_out_per_scan'] / 1e6:.3g} Mbit/s",
-           f"{rate:g} /s x {size(serving['bytes_out_per_scan'])} (measured)")
+
+def rows_of_serving(measured, wanted):
+    serving, rate = measured["serving"], wanted.vehicles * wanted.hz
+    scan_ms, search_ms = 1000 * serving["cpu_s_per_sealed_scan"], 1000 * serving["cpu_s_per_search"]
+    busy = busy_cores(serving, wanted)
+    yield "scans", f"{rate:g} /s", f"{wanted.vehicles} vehicles x {wanted.hz:g} Hz"
+    yield ("cores that are busy", f"{busy:.1f}",
+           f"{rate:g} /s x {scan_ms:.1f} ms of CPU (measured, sealed scans); {wanted.starts_per_hour:g} search(es) of each "
+           f"vehicle in an hour x {search_ms:.0f} ms (measured)")
+    yield "cores", f"{busy / wanted.utilization:.0f}", f"busy for {100 * wanted.utilization:.0f} % at most (--utilization)"
+    servers, why = servers_of(serving, wanted)
+    yield "servers", f"{servers}", f"{wanted.server_cores} cores each (--server-cores); {why}"
     if "proxy" in measured:
-        busy = rate * measured["proxy"]["cpu_s_per_scan"]
-        yield ("cores of all proxies", f"{max(1, busy / wanted.utilization):.1f}",
-               f"{rate:g} /s x {1000 * measured['proxy']['cpu_s_per_scan']:.2f} ms (measured, TLS in the proxy)")
+        of_proxy = measured["proxy"]["cpu_s_per_scan"]
+        yield ("cores of all proxies", f"{max(1, rate * of_proxy / wanted.utilization):.1f}",
+               f"{rate:g} /s x {1000 * of_proxy:.2f} ms of CPU (measured, with TLS), busy as above")
         yield "proxies", f"{max(2, wanted.zones)}", "one in each zone, at least two"
-    if "state" in measured:
-        state = measured["state"]
-        per_s = servers * state["transactions_per_s_of_a_server"] + wanted.changes_per_day / 86400 * state["transactions_per_change"]
-        yield ("PostgreSQL, transactions", f"{per_s:.1f} /s",
-               f"{servers} servers x {state['transactions_per_s_of_a_server']:.2f} /s (measured, idle); {wanted.changes_per_day} changes a "
-               f"day x {state['transactions_per_change']:.1f} (measured). Poses: none")
-        yield ("PostgreSQL, size after a year", size(365 * wanted.changes_per_day * state["bytes_per_change"]),
-               f"{wanted.changes_per_day} changes a day x {size(state['bytes_per_change'])} (measured, with its audit record)")
-    if "build" in measured:
-        build = measured["build"]
-        scans = wanted.km * wanted.passes * a_map["scans"] / a_map["km"]
-        hours = scans * build["cpu_s_per_scan"] / 3600
-        yield ("build of all", f"{hours:.0f} core-hours",
-               f"{wanted.km:g} km x {wanted.passes:g} pass(es) x {a_map['scans'] / a_map['km']:.0f} scans a km (of the map) x "
-               f"{build['cpu_s_per_scan']:.2f} s of CPU (measured)")
-        yield ("cores for it in a night", f"{hours / 8:.0f}", "8 hours")
-        yield ("disk for it", size(scans * build["work_bytes_per_scan"]), f"{size(build['work_bytes_per_scan'])} a scan (`build --estimate`)")
+
+
+def rows_of_bytes(measured, wanted):
+    serving, of_map, rate = measured["serving"], measured["map"], wanted.vehicles * wanted.hz
+    package, disk, index = (of_map[name] / of_map["km"] for name in ("package_bytes", "disk_bytes", "index_bytes"))
+    least = serving["memory_bytes"] + GIB
+    yield "active versions, as sent", size(wanted.km * package), f"{wanted.km:g} km x {size(package)} (measured)"
+    yield ("memory of a server, least", size(least),
+           f"{size(serving['memory_bytes'])} (measured), and 1 GiB for the system and an index that is made")
+    yield ("memory of a server, all in memory", size(least + wanted.km * index),
+           f"and the index, {wanted.km:g} km x {size(index)} (measured). Where only parts are driven, these parts")
+    yield ("disk of a server (`cache_bytes`)", size(2 * wanted.km * disk),
+           f"active versions and one more of each, {size(disk)} a km with index and levels (measured)")
+    yield "S3", size(wanted.versions * wanted.km * package), f"{wanted.versions} versions (--versions), if they share nothing"
+    for name, way in (("bytes_in_per_scan", "in"), ("bytes_out_per_scan", "out")):
+        yield f"network, {way}", f"{8 * rate * serving[name] / 1e6:.3g} Mbit/s", f"{rate:g} /s x {size(serving[name])} (measured)"
+
+
+def rows_of_state(state, wanted, servers):
+    idle, of_change = state["transactions_per_s_of_a_server"], state["transactions_per_change"]
+    changes = f"{wanted.changes_per_day} changes a day (--changes-per-day)"
+    yield ("PostgreSQL, transactions", f"{servers * idle + wanted.changes_per_day / 86400 * of_change:.1f} /s",
+           f"{servers} servers x {idle:.2f} /s (measured, idle); {changes} x {of_change:.1f} (measured); poses: none")
+    yield ("PostgreSQL, size after a year", size(365 * wanted.changes_per_day * state["bytes_per_change"]),
+           f"{changes} x {size(state['bytes_per_change'])} (measured, with the audit record)")
+
+
+def rows_of_build(build, of_map, wanted):
+    of_km = of_map["scans"] / of_map["km"]
+    scans = wanted.km * wanted.passes * of_km
+    hours = scans * build["cpu_s_per_scan"] / 3600
+    yield ("build of all", f"{hours:.0f} core-hours",
+           f"{wanted.km:g} km x {wanted.passes:g} pass(es) x {of_km:.0f} scans in a km of the map x "
+           f"{build['cpu_s_per_scan']:.3f} s of CPU (measured)")
+    yield "cores for it in a night", f"{math.ceil(hours / 8)}", "8 hours"
+    yield ("disk for it", size(scans * build["work_bytes_per_scan"]),
+           f"{size(build['work_bytes_per_scan'])} a scan (`stillmap build --estimate`), all at one time")
 
 
 def compute(arguments):
     measured = json.loads(arguments.measured.read_text())
     if measured.get("format") != "stillmap-sizing-1":
-        sys.exit(f"sizing.py: {arguments.measured}: found format {measured.get('format')!r}, expected stillmap-sizing-1: measure again")
+        sys.exit(f"sizing.py: {arguments.measured}: found format {measured.get('format')!r}, expected stillmap-sizing-1: "
+                 "measure again")
     rows = list(rows_of(measured, arguments))
     if arguments.json:
         print(json.dumps([dict(zip(("what", "value", "from"), row)) for row in rows], indent=1))
@@ -377,7 +400,8 @@ def main():
     command.add_argument("--every", type=int, default=1, metavar="N", help="send every N-th scan of the drive")
     command.add_argument("--scans", type=int, default=200, metavar="N", help="send so many at most")
     command.add_argument("--no-build", action="store_true", help="do not build a map of the drive")
-    command.add_argument("--build-option", action="append", default=[], metavar="TEXT", help="option of the build: --build-option=--select=::2")
+    command.add_argument("--build-option", action="append", default=[], metavar="TEXT",
+                         help="option of the build: --build-option=--select=::2")
     command.add_argument("--state", metavar="ADDRESS", help="an empty database of PostgreSQL, to measure what servers ask of it")
     command.add_argument("--psql", default="psql", metavar="PROGRAM", help="for --state")
     command.add_argument("--haproxy", metavar="PROGRAM", help="HAProxy, to measure what it costs")
@@ -389,8 +413,10 @@ def main():
     command.add_argument("--hz", type=float, default=1.0, help="scans/s that a vehicle sends")
     command.add_argument("--zones", type=int, default=3, help="one of them may be lost; 1: one server may be lost")
     command.add_argument("--server-cores", type=int, default=16, metavar="N", help="of one server")
-    command.add_argument("--utilization", type=float, default=0.6, metavar="SHARE", help="of the cores, at most; 0.7 gave 1 %% of late answers")
-    command.add_argument("--starts-per-hour", type=float, default=1.0, metavar="N", help="how often a vehicle begins without a place")
+    command.add_argument("--utilization", type=float, default=0.6, metavar="SHARE",
+                         help="of the cores, at most; at 0.72 some 0.5 %% of the scans were late (performance.md)")
+    command.add_argument("--starts-per-hour", type=float, default=1.0, metavar="N",
+                         help="how often a vehicle begins without a place")
     command.add_argument("--versions", type=int, default=10, metavar="N", help="of a map that are kept (retention.versions)")
     command.add_argument("--changes-per-day", type=int, default=1000, metavar="N", help="uploads, activations, keys, jobs")
     command.add_argument("--passes", type=float, default=1.0, metavar="N", help="how often a street is driven for the map")

@@ -335,6 +335,16 @@ class BeforeSharedState(Proxy):
             self.ask("POST", f"/v1/sessions/s{number}/scans", b"x")
             self.assertEqual(sum(len(server.asked) for server in self.servers), 1)
 
+    def test_the_dashboard_names_what_it_tells_prometheus(self):
+        dashboard = (support.DEPLOY / "monitoring/grafana/stillmap.json").read_text()
+        port = re.search(r"frontend metrics\n  bind 127.0.0.1:(\d+)", (self.folder / "haproxy.conf").read_text())[1]
+        status, told = support.get(int(port), "/metrics")
+        self.assertEqual((status, support.get(int(port), "/")[0]), (200, 403))
+        names = set(re.findall(r"haproxy_\w+", dashboard))
+        self.assertGreater(len(names), 5)
+        for name in names:
+            self.assertRegex(told, rf'(?m)^{name}{{proxy="poses"')
+
     def test_without_any_server_the_answer_says_when_to_ask_again(self):
         for server in self.servers:
             server.status = 503

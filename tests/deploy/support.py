@@ -83,9 +83,9 @@ def print_haproxy_config(*arguments):
 
 def haproxy_config(folder, port, servers, *arguments):
     """What is printed for a proxy of a test's own on `port`: certificate and sockets are in `folder`."""
-    return print_haproxy_config("--user", "", "--bind", f"127.0.0.1:{port}", "--certificate", folder / "both.pem", "--socket", folder / "admin.sock",
-                                "--metrics", f"127.0.0.1:{free_port()}", "--local-peer", f"this=127.0.0.1:{free_port()}",
-                                *arguments, *servers)
+    return print_haproxy_config("--user", "", "--bind", f"127.0.0.1:{port}", "--certificate", folder / "both.pem",
+                                "--socket", folder / "admin.sock", "--metrics", f"127.0.0.1:{free_port()}",
+                                "--local-peer", f"this=127.0.0.1:{free_port()}", *arguments, *servers)
 
 
 class FolderTest(unittest.TestCase):

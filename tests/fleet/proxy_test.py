@@ -267,6 +267,45 @@ def test_hash(fleet, scan):
     assert len(spilt) > 1, spilt
 
 
+def test_backup(fleet, scan):
+    """Both ways of docs/scale.md: what was acknowledged is there, and the pose is the same."""
+    def found(server):
+        pose = server.ask("POST", POSE, scan, {"Content-Type": "application/vnd.stillmap.scan"}).json
+        return pose["pose"], sorted(each["name"] for each in server.ask("GET", "/v1/maps").json["maps"])
+
+    def served(store, *options):
+        server = Server(fleet.arguments.stillmap, store, fleet.folder / "log-restored", options=options)
+        assert server.listen(), (fleet.folder / "log-restored").read_text()[-2000:]
+        try:
+            server.wait_ready(60)
+            return found(server)
+        finally:
+            server.stop()
+
+    def call(program, *words):
+        done = run(program, *words)
+        assert done.returncode == 0, f"{words}: {done.stderr}"
+
+    before = found(fleet.servers["a"])
+    (bin_folder,) = list(pathlib.Path("/usr/lib/postgresql").glob("*/bin"))[:1] or [None]
+    call(bin_folder / "psql", fleet.state, "-c", "CREATE DATABASE again")
+    call(bin_folder / "psql", fleet.state, "-c", "CREATE DATABASE other")
+    again, other = (fleet.state.replace("/postgres?", f"/{name}?") for name in ("again", "other"))
+    # The backup that every store has.
+    stillmap = fleet.arguments.stillmap
+    call(stillmap, "store", "backup", fleet.store, "-o", fleet.folder / "backup")
+    call(stillmap, "store", "restore", fleet.folder / "backup", "-o", fleet.folder / "restored")
+    call(stillmap, "store", "copy", fleet.folder / "restored", "--to", again)
+    assert served(fleet.folder / "restored") == before
+    # PostgreSQL's own, and the packages.
+    call(bin_folder / "pg_dump", fleet.state, "-n", "stillmap", "-Fc", "-f", fleet.folder / "state.dump")
+    call(bin_folder / "pg_restore", "-d", other, fleet.folder / "state.dump")
+    call(stillmap, "store", "attach", fleet.folder / "by-dump", other)
+    shutil.copytree(fleet.store / "packages", fleet.folder / "by-dump" / "packages", dirs_exist_ok=True)
+    call(stillmap, "store", "verify", fleet.folder / "by-dump")
+    assert served(fleet.folder / "by-dump") == before
+
+
 def test(fleet):
     assert run(fleet.arguments.stillmap, "store", "add", fleet.store, "town", "v1", fleet.arguments.map,
                "--activate").returncode == 0
@@ -275,7 +314,7 @@ def test(fleet):
     fleet.start_proxy()
     scan = compact_scan(fleet.arguments.drive)
     print("servers or proxy | requests | answered | slowest")
-    for each in (test_hash, test_kill, test_drain, test_stop_without_drain, test_reload):
+    for each in (test_hash, test_kill, test_drain, test_stop_without_drain, test_reload, test_backup):
         each(fleet, scan)
 
 

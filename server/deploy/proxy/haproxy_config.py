@@ -19,7 +19,7 @@ HEAD = """\
 # Printed by haproxy_config.py (beside it); change its arguments, not this file. `haproxy -c -f FILE` checks it.
 #   {command}
 global
-{user}  maxconn 2000
+{user}  maxconn {most_connections}
   log stdout format raw local0 notice
   ssl-default-bind-options ssl-min-ver TLSv1.2
   # Commands for operators (drain, state, statistics). The listening sockets go to the new process at a reload.
@@ -64,7 +64,7 @@ frontend metrics
 
 frontend https
   bind {bind} ssl crt {certificate} alpn h2,http/1.1
-  maxconn 1000
+  maxconn {connections}
   # At a reload a client's idle connection has one more request, instead of ending as this is on its way.
   option idle-close-on-response
   # Connections of one address; a fleet behind one address needs more.
@@ -219,6 +219,7 @@ def config(arguments, command):
     text = HEAD.format(command=command, user=user, socket=arguments.socket, buffer_bytes=arguments.buffer_bytes,
                        local_peer=local[0], peers=peers, away=AWAY, metrics=arguments.metrics, bind=arguments.bind,
                        certificate=arguments.certificate, address_connections=arguments.address_connections,
+                       connections=arguments.connections, most_connections=2 * arguments.connections,
                        address_rate=rate, by_name=by_name)
     # Servers that share a folder share the uploads in it, too.
     has_uploads = arguments.shared_state and not arguments.shared_folder
@@ -242,6 +243,8 @@ def main():
     parser.add_argument("--shared-folder", action="store_true", help="and one folder, with its uploads and drives")
     parser.add_argument("--certificate", default="/etc/haproxy/stillmap.pem", help="PEM with the key in it")
     parser.add_argument("--bind", default=":443", help="address to listen on")
+    parser.add_argument("--connections", type=int, default=1000, metavar="N",
+                        help="most of all clients; a vehicle that sends each second holds one")
     parser.add_argument("--address-connections", type=int, default=100, metavar="N", help="most of one client address")
     parser.add_argument("--address-rate", type=int, default=0, metavar="N",
                         help="most requests/s of one client address in 10 s; 0: no bound")
