@@ -33,6 +33,7 @@ foreach(folder server server/clients server/decisions server/deploy server/docs)
 endforeach()
 install(DIRECTORY ${deploy}/proxy ${deploy}/monitoring ${deploy}/containers DESTINATION share/doc/stillmap/server/deploy
   ${only_packages})
+install(FILES ${PROJECT_SOURCE_DIR}/server/docs/sizing.py DESTINATION share/doc/stillmap/server/docs ${only_packages})
 
 set(CPACK_PACKAGE_NAME stillmap)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Alerts: judged by promtool, and every metric and label in them is one that the server has.
+"""Alerts and the dashboard: judged by promtool, and every metric and label in them is one that the server has.
 
 usage: monitoring_test.py STILLMAP METRICS_TABLE TOOLS
 """
 
+import json
 import pathlib
 import re
 import shutil
@@ -50,6 +51,14 @@ def rule_expressions():
     return [rule["expr"] for group in groups for rule in group["rules"]]
 
 
+def dashboard_expressions():
+    """With what Grafana puts in for its variables."""
+    panels = json.loads((FOLDER / "grafana/stillmap.json").read_text())["panels"]
+    for panel in panels:
+        for target in panel.get("targets", []):
+            yield target["expr"].replace("$__rate_interval", "1m").replace("$instance", ".*")
+
+
 class Alerts(support.FolderTest):
     def promtool(self, *arguments):
         folder = self.folder / "all"
@@ -67,12 +76,27 @@ class Alerts(support.FolderTest):
         for alert in re.findall(r"alert: (\w+)", (FOLDER / "stillmap.rules.yml").read_text()):
             self.assertEqual(len(re.findall(rf"\b{alert}\b", text)), 2, alert)
 
+    def test_prometheus_understands_the_dashboard(self):
+        rules = [{"record": f"panel:{number}", "expr": expression} for number, expression in enumerate(dashboard_expressions())]
+        self.assertGreater(len(rules), 40)
+        file = self.folder / "dashboard.rules.yml"
+        file.write_text(json.dumps({"groups": [{"name": "dashboard", "rules": rules}]}))
+        done = subprocess.run([PROMTOOL, "check", "rules", file], capture_output=True, text=True, timeout=60)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
     def test_what_the_server_tells_is_as_prometheus_wants_it(self):
         store, management = self.folder / "store", support.free_port()
         store.mkdir()
         self.start_server(PROGRAM, store, "--management-port", management)
         status, text = support.get(management, "/metrics")
         self.assertEqual(status, 200)
+        # What has labels of its own is told from the first event on.
+        told = set(re.findall(r"^# TYPE (\w+)", text, re.MULTILINE))
+        with_events = {name for name, _, labels in ROW.findall(TABLE.read_text()) if labels} | {
+            "stillmap_tls_certificate_end_timestamp_seconds"}
+        for expression in dashboard_expressions():
+            for name, _ in selectors(expression):
+                self.assertIn(re.sub(r"_(bucket|sum|count)$", "", name), told | with_events | {"up"}, expression)
         done = subprocess.run([PROMTOOL, "check", "metrics"], input=text, capture_output=True, text=True, timeout=60)
         self.assertEqual((done.returncode, done.stderr), (0, ""))
 
@@ -81,9 +105,9 @@ class Names(unittest.TestCase):
     def test_every_metric_and_label_is_one_that_the_server_has(self):
         table = {**series_of_table(), "up": set(ADDED)}
         self.assertGreater(len(table), 30)
-        for expression in rule_expressions():
+        for expression in [*rule_expressions(), *dashboard_expressions()]:
             names = list(selectors(expression))
-            self.assertTrue(names, expression)
+            self.assertTrue(names or "haproxy_" in expression, expression)  # HAProxy's are looked at in proxy_test.py
             for name, labels in names:
                 self.assertIn(name, table, expression)
                 self.assertLessEqual(labels, table[name], expression)

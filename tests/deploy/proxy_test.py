@@ -30,8 +30,7 @@ HEAD_TIME_S = 3
 SHORTER = {
     "haproxy": {"timeout http-request 10s": f"timeout http-request {HEAD_TIME_S}s",
                 "sc0_conn_cur gt 100": f"sc0_conn_cur gt {MOST_CONNECTIONS}",
-                "inter 2s fall 2": "inter 500 fall 3",
-                "/etc/haproxy/stillmap.pem": "FOLDER/both.pem"},
+                "inter 2s fall 2": "inter 500 fall 3"},
     "nginx": {"client_header_timeout 10s": f"client_header_timeout {HEAD_TIME_S}s",
               "limit_conn addresses 100": f"limit_conn addresses {MOST_CONNECTIONS}",
               "/etc/nginx/stillmap.crt": "FOLDER/stillmap.crt", "/etc/nginx/stillmap.key": "FOLDER/stillmap.key",
@@ -75,6 +74,9 @@ class StandIn(http.server.BaseHTTPRequestHandler):
         if self.path != "/readyz":
             self.server.asked.append((self.command, self.path))
             time.sleep(self.server.silence_s)
+            if self.server.dies:
+                self.close_connection = True
+                return
         status = 200 if self.path == "/readyz" else self.server.status
         self.send_response(status)
         self.send_header("Content-Length", "0")
@@ -90,6 +92,7 @@ class StandIn(http.server.BaseHTTPRequestHandler):
 def stand_in(status):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), StandIn)
     server.status, server.asked, server.silence_s, server.pause_s, server.began = status, [], 0, 0, threading.Event()
+    server.dies = False
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
     thread.start()
     try:
@@ -108,25 +111,27 @@ class Proxy(support.FolderTest):
         cls.context.check_hostname = False
         cls.context.verify_mode = ssl.CERT_NONE
 
-    def proxy(self, *servers, also=None):
-        """Starts the proxy before two servers, each (port, management port). `also`: further changes of the example."""
+    def proxy(self, *servers, also=None, options=()):
+        """Starts the proxy before servers, each (port, management port). `also`: further changes of the example, `options`
+        of what prints that of HAProxy."""
         certificate, key = self.folder / "stillmap.crt", self.folder / "stillmap.key"
         subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days",
                         "1", "-subj", "/CN=localhost", "-keyout", key, "-out", certificate], check=True, capture_output=True)
         (self.folder / "both.pem").write_text(certificate.read_text() + key.read_text())
         self.port = support.free_port()
-        listen = {"haproxy": "bind :443", "nginx": "listen 443"}[KIND]
-        changes = {**SHORTER[KIND], **(also or {}), listen: listen.split()[0] + f" 127.0.0.1:{self.port}"}
-        for address, (port, management) in zip(("10.0.0.11", "10.0.0.12"), servers):
-            if KIND == "haproxy":
-                changes[f"{address}:8080 check port 8081"] = f"127.0.0.1:{port} check port {management}"
-            changes[f"{address}:8080"] = f"127.0.0.1:{port}"
-        (example,) = (support.DEPLOY / "proxy").glob(f"{KIND}.*")
-        text = example.read_text()
+        changes = {**SHORTER[KIND], **(also or {})}
+        if KIND == "haproxy":
+            named = [f"{name}=127.0.0.1:{port}:{management}" for name, (port, management) in zip(("one", "two", "three"), servers)]
+            text = support.haproxy_config(self.folder, self.port, named, *options)
+        else:
+            text = (support.DEPLOY / "proxy/nginx.conf").read_text()
+            changes["listen 443"] = f"listen 127.0.0.1:{self.port}"
+            for address, (port, _) in zip(("10.0.0.11", "10.0.0.12"), servers):
+                changes[f"{address}:8080"] = f"127.0.0.1:{port}"
         for old, new in changes.items():
-            self.assertIn(old, text)
+            self.assertTrue(old in text, f"the configuration has no '{old}'")
             text = text.replace(old, new.replace("FOLDER", str(self.folder)))
-        config = self.folder / example.name
+        config = self.folder / f"{KIND}.conf"
         config.write_text(text)
         self.run_proxy(config)
 
@@ -241,8 +246,10 @@ class BeforeStandIns(Proxy):
             self.assertTrue(kept, "no map is kept by the second server")
             first.asked.clear(), second.asked.clear()
             for path, status in ((min(refused), 503), (min(kept), 200)):
-                self.assertEqual(self.ask("POST", path + "/localize", b"x")[0], status)
+                self.assertEqual(self.ask("POST", path + "/tiles/diff", b"x")[0], status)
             self.assertEqual((len(first.asked), len(second.asked)), (1, 1))
+            if KIND == "haproxy":
+                self.assertEqual({self.ask("POST", path + "/localize", b"x")[0] for path in paths}, {200})
             first.asked.clear(), second.asked.clear()
             # Nothing that is of one store is asked of the other, however the first one fails.
             others = [("GET", "/v1/jobs/1"), ("PUT", "/v1/maps/a"), ("DELETE", "/v1/keys/a"), ("POST", "/v1/maps/a/rebuild")]
@@ -250,11 +257,128 @@ class BeforeStandIns(Proxy):
             self.assertEqual((first.asked, second.asked), (others, []))
 
 
+@unittest.skipUnless(KIND == "haproxy", "of HAProxy")
+class BeforeSharedState(Proxy):
+    """Three stand-ins that share a state."""
+
+    def setUp(self):
+        super().setUp()
+        with contextlib.ExitStack() as stack:
+            self.servers = [stack.enter_context(stand_in(200)) for _ in range(3)]
+            self.addCleanup(stack.pop_all().close)
+        self.proxy(*((server.server_port, server.server_port) for server in self.servers), options=["--shared-state"])
+        self.forget()
+
+    def forget(self):
+        for server in self.servers:
+            server.asked.clear()
+
+    def asked(self):
+        """How many of the servers were asked."""
+        return sum(bool(server.asked) for server in self.servers)
+
+    def test_every_server_takes_what_is_no_upload(self):
+        uploads = [each for each in routes() if re.search(r"/(drives|uploads|rebuild)\b", each[1])]
+        self.assertGreater(len(uploads), 12)
+        for method, route in sorted(routes()):
+            self.forget()
+            for number in range(16):
+                path = re.sub(r"\{map\}", f"town{number}", route)
+                self.assertEqual(self.ask(method, re.sub(r"\{\w+\}", f"a{number}", path))[0], 200)
+            if "{map}" in route:
+                self.assertEqual(self.asked(), 3, f"{method} {route} is not balanced")
+        # All of one map's uploads, and what is made of them, find one server.
+        self.forget()
+        for method, route in uploads:
+            self.ask(method, re.sub(r"\{map\}", "town", re.sub(r"\{(drive|upload|part)\}", "7", route)))
+        self.assertEqual(self.asked(), 1)
+        # And no other one, even if it refuses: another one has not got the files.
+        for server in self.servers:
+            server.status = 503 if server.asked else 200
+        self.forget()
+        self.assertEqual(self.ask("GET", "/v1/maps/town/drives")[0], 503)
+        self.assertEqual((self.asked(), self.ask("GET", "/v1/maps/town")[0]), (1, 200))
+
+    def test_poses_of_a_region_or_else_a_vehicle_find_one_server(self):
+        def servers_of(requests):
+            self.forget()
+            for path, headers in requests:
+                self.assertEqual(self.ask("POST", path, b"x", **headers)[0], 200)
+            return self.asked()
+
+        town = "/v1/maps/town/localize/next"
+        self.assertEqual(servers_of([(f"{town}?vehicle=v{i}", {"Stillmap-Region": "3,-4"}) for i in range(12)]), 1)
+        self.assertEqual(servers_of([(town, {"Stillmap-Region": f"{i},-4"}) for i in range(24)]), 3)
+        # The first number alone, as the second: commas part no values here.
+        self.assertEqual(servers_of([(town, {"Stillmap-Region": f"3,{i}"}) for i in range(24)]), 3)
+        self.assertEqual(servers_of([(f"{town}?vehicle=v1&stamp_ns={i}", {}) for i in range(12)]), 1)
+        self.assertEqual(servers_of([(f"{town}?vehicle=v{i}", {}) for i in range(24)]), 3)
+        self.assertEqual(servers_of([(town, {"Stillmap-Seal": f"seal{i}"}) for i in range(12)]), 1)
+
+    def test_a_change_is_sent_once_and_a_pose_again(self):
+        self.servers[0].dies = True
+        for number in range(12):
+            self.forget()
+            self.assertEqual(self.ask("POST", f"/v1/maps/town{number}/localize", bytes(200000))[0], 200)
+            self.assertEqual(self.ask("GET", f"/v1/maps/town{number}")[0], 200)
+        answers = []
+        for number in range(12):
+            for method, path in (("PUT", "versions/v1"), ("PUT", ""), ("POST", "versions/v1/activate"), ("DELETE", ""), ("POST", "drives"),
+                                 ("POST", "rebuild")):
+                self.forget()
+                answers.append(self.ask(method, f"/v1/maps/town{number}/{path}".rstrip("/"), b"x")[0])
+                self.assertEqual(sum(len(server.asked) for server in self.servers), 1, f"{method} {path}")
+        self.assertEqual(set(answers), {200, 502})
+        # A session's scan is no change of the store, but its tracker has seen it.
+        for number in range(6):
+            self.forget()
+            self.ask("POST", f"/v1/sessions/s{number}/scans", b"x")
+            self.assertEqual(sum(len(server.asked) for server in self.servers), 1)
+
+    def test_the_dashboard_names_what_it_tells_prometheus(self):
+        dashboard = (support.DEPLOY / "monitoring/grafana/stillmap.json").read_text()
+        port = re.search(r"frontend metrics\n  bind 127.0.0.1:(\d+)", (self.folder / "haproxy.conf").read_text())[1]
+        status, told = support.get(int(port), "/metrics")
+        self.assertEqual((status, support.get(int(port), "/")[0]), (200, 403))
+        names = set(re.findall(r"haproxy_\w+", dashboard))
+        self.assertGreater(len(names), 5)
+        for name in names:
+            self.assertRegex(told, rf'(?m)^{name}{{proxy="poses"')
+
+    def test_without_any_server_the_answer_says_when_to_ask_again(self):
+        for server in self.servers:
+            server.status = 503
+        self.assertEqual(self.ask("POST", "/v1/maps/town/localize", b"x")[0], 503)
+        for server in self.servers:
+            server.shutdown()
+            server.server_close()
+        for method, path in (("POST", "/v1/maps/town/localize"), ("GET", "/v1/maps")):
+            status, text, answer = self.ask(method, path)
+            self.assertEqual((status, answer.getheader("Retry-After"), json.loads(text)["status"]), (503, "1", 503))
+            self.assertEqual(answer.getheader("Content-Type"), "application/problem+json")
+
+
 def points(count):
     """A PCD file: a job makes a version of it."""
     rows = "".join(f"{x % 20} {x // 20} {x % 3} 0\n" for x in range(count))
     return ("VERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n"
             f"WIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n{rows}").encode()
+
+
+class TheExample(unittest.TestCase):
+    @unittest.skipUnless(KIND == "haproxy", "of HAProxy")
+    def test_it_is_what_its_first_lines_print(self):
+        example = (support.DEPLOY / "proxy/haproxy.cfg").read_text()
+        command = re.search(r"^#   (haproxy_config.py .*)$", example, re.MULTILINE)[1].split()
+        self.assertEqual(support.print_haproxy_config(*command[1:]), example)
+
+    @unittest.skipUnless(KIND == "haproxy", "of HAProxy")
+    def test_arguments_that_cannot_be_used_are_refused_in_words(self):
+        for arguments, words in ((["one=10.0.0.11"], "expected NAME=HOST:PORT[:MANAGEMENT_PORT]"), (["poses=a:1"], "choose another one"),
+                                 (["a=h:1", "A=h:2"], "a name of its own"), (["a=h:1", "--shared-folder"], "--shared-state"),
+                                 (["a=h:1", "--peer", "b"], "expected NAME=HOST:PORT")):
+            done = subprocess.run([sys.executable, support.HAPROXY_CONFIG, *arguments], capture_output=True, text=True)
+            self.assertEqual((done.returncode, words in done.stderr), (2, True), done.stderr)
 
 
 class WithKeys(Proxy):

@@ -13,6 +13,7 @@ import time
 import unittest
 
 DEPLOY = pathlib.Path(__file__).resolve().parents[2] / "server" / "deploy"
+HAPROXY_CONFIG = DEPLOY / "proxy" / "haproxy_config.py"
 HERE = pathlib.Path(__file__).resolve().parent
 
 
@@ -73,6 +74,18 @@ def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+def print_haproxy_config(*arguments):
+    return subprocess.run([sys.executable, "-B", HAPROXY_CONFIG, *map(str, arguments)], capture_output=True, text=True,
+                          check=True).stdout
+
+
+def haproxy_config(folder, port, servers, *arguments):
+    """What is printed for a proxy of a test's own on `port`: certificate and sockets are in `folder`."""
+    return print_haproxy_config("--user", "", "--bind", f"127.0.0.1:{port}", "--certificate", folder / "both.pem",
+                                "--socket", folder / "admin.sock", "--metrics", f"127.0.0.1:{free_port()}",
+                                "--local-peer", f"this=127.0.0.1:{free_port()}", *arguments, *servers)
 
 
 class FolderTest(unittest.TestCase):
