@@ -25,7 +25,9 @@ class Postgres:
         if host:
             hba = self.folder / "hba.conf"
             hba.write_text("local all all trust\nhost all all all trust\nhost replication all all trust\n")
-            self.settings = [f"listen_addresses={host}", f"port={PORT}", f"hba_file={hba}", "wal_keep_size=64MB"]
+            self.settings = [f"listen_addresses={host}", f"port={PORT}", f"hba_file={hba}", "wal_keep_size=64MB",
+                             # A standby that was lost follows again as soon as it is back.
+                             "wal_retrieve_retry_interval=500ms"]
         self.process = None
         self.start()
 

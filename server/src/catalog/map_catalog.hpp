@@ -156,6 +156,8 @@ class MapCatalog {
   struct Slot {
     ServedVersion served;
     std::uint64_t last_use = 0;
+    /// As of `StoreState::told_mark`, when the store had this version.
+    std::optional<std::int64_t> seen_at{};
     /// The store has another copy now, which must be loaded.
     bool replaced = false;
     /// No trusted key has signed it.

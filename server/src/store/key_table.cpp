@@ -216,21 +216,32 @@ KeyCheck KeyTable::check(std::string_view text, std::int64_t now_ns) const {
 
 bool KeyTable::any() const { return !known()->empty(); }
 
+std::shared_ptr<const KeyTable::KnownKeys> KeyTable::known_at(std::int64_t mark) const {
+  const std::scoped_lock lock(mutex_);
+  return known_at_ == mark ? known_ : nullptr;
+}
+
 std::shared_ptr<const KeyTable::KnownKeys> KeyTable::known() const {
+  // Whoever reads beside may wait for a PostgreSQL that was cut off, and a vehicle must not.
+  if (const auto told = database_->told_mark())
+    if (auto keys = known_at(*told)) return keys;
   const ReadingBeside reading(*database_);
   try {
     // It changes with every commit of another connection, and all that change anything are others.
     const std::int64_t at = reading.database().change_mark();
-    if (known_ && at == known_at_) return known_;
+    if (auto keys = known_at(at)) return keys;
     auto keys = std::make_shared<KnownKeys>();
     Statement row(reading.database(), kSelectKeys);
     while (row.step()) keys->insert_or_assign(row.text(0), Known{key_of(row), row.text(6)});
+    const std::scoped_lock lock(mutex_);
     known_ = std::move(keys);
     known_at_ = at;
   } catch (const StateAway&) {
     // Vehicles are localized on while the state is away.
+    const std::scoped_lock lock(mutex_);
     if (!known_) throw;
   }
+  const std::scoped_lock lock(mutex_);
   return known_;
 }
 

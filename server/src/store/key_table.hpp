@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -104,7 +105,10 @@ class KeyTable {
   };
   using KnownKeys = std::map<std::string, Known, std::less<>>;
   [[nodiscard]] std::shared_ptr<const KnownKeys> known() const;
-  /// By id, and the database's mark when they were read. Under the lock of those who read.
+  /// Null when they were read at another mark.
+  [[nodiscard]] std::shared_ptr<const KnownKeys> known_at(std::int64_t mark) const;
+  mutable std::mutex mutex_;
+  /// By id, and the database's mark when they were read.
   mutable std::shared_ptr<const KnownKeys> known_;
   mutable std::int64_t known_at_ = 0;
 };

@@ -3,6 +3,7 @@
 #include "store/disk_calls.hpp"
 #include "store/disk_full.hpp"
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <mutex>
@@ -79,6 +80,12 @@ class StoreDatabase {
   /// Held by who moves packages, between servers that share a state; null for SQLite, whose store
   /// has a lock in its folder.
   [[nodiscard]] std::shared_ptr<void> lock_of_packages();
+  /// Another one after every change, as PostgreSQL has told it: known without asking, and the same
+  /// while PostgreSQL is away. Nothing for SQLite, which is asked in no time.
+  [[nodiscard]] std::optional<std::int64_t> told_mark() const {
+    if (!watch_) return std::nullopt;
+    return watch_->mark();
+  }
   /// Writes all of it into a new file of SQLite's.
   void copy_to(SqliteDatabase& file);
   /// Makes the ballast, a file that holds some room of the disk for `even_when_full`, unless it is
