@@ -23,7 +23,7 @@ constexpr std::int64_t kLeastProgram = 9;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`. From the tenth on they are for PostgreSQL too.
-constexpr std::array<const char*, 10> kSteps = {
+constexpr std::array<const char*, 11> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -211,6 +211,20 @@ CREATE TABLE rollouts (
     R"(
 ALTER TABLE jobs ADD COLUMN server TEXT NOT NULL DEFAULT '';
 ALTER TABLE jobs ADD COLUMN beat INTEGER NOT NULL DEFAULT 0;
+)",
+    R"(
+CREATE TABLE map_sets (
+  name TEXT NOT NULL,
+  map TEXT NOT NULL REFERENCES maps (name),
+  x REAL NOT NULL,
+  y REAL NOT NULL,
+  z REAL NOT NULL,
+  qx REAL NOT NULL,
+  qy REAL NOT NULL,
+  qz REAL NOT NULL,
+  qw REAL NOT NULL,
+  PRIMARY KEY (name, map)
+) STRICT, WITHOUT ROWID;
 )",
 };
 
