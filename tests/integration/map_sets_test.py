@@ -17,6 +17,11 @@ import sys
 import tempfile
 import unittest
 
+try:
+    import numpy
+except ImportError:
+    sys.exit(77)
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path += [str(ROOT / "server/clients/python/src"), str(ROOT / "tests/soak")]
 
@@ -40,37 +45,24 @@ BORDERS = (("west", "middle", 31, 83), ("middle", "east", 79, 131))
 
 
 def matrix_of(numbers):
-    return [[float(x) for x in numbers[4 * row:4 * row + 4]] for row in range(3)] + [[0.0, 0.0, 0.0, 1.0]]
+    return numpy.vstack([numpy.array(numbers, float).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
 
 
-def product(a, b):
-    return [[sum(a[i][k] * b[k][j] for k in range(4)) for j in range(4)] for i in range(4)]
-
-
-def inverse(T):
-    R = [[T[j][i] for j in range(3)] for i in range(3)]
-    return [[*R[i], -sum(R[i][k] * T[k][3] for k in range(3))] for i in range(3)] + [[0.0, 0.0, 0.0, 1.0]]
+def moved_by(x, y, yaw):
+    return matrix_of([math.cos(yaw), -math.sin(yaw), 0.0, x, math.sin(yaw), math.cos(yaw), 0.0, y, 0.0, 0.0, 1.0, 0.0])
 
 
 def quaternion_of(T):
     """Of a rotation by less than a half turn."""
-    w = 0.5 * math.sqrt(max(0.0, 1.0 + T[0][0] + T[1][1] + T[2][2]))
-    return ((T[2][1] - T[1][2]) / (4 * w), (T[0][2] - T[2][0]) / (4 * w), (T[1][0] - T[0][1]) / (4 * w), w)
-
-
-def matrix_of_pose(pose):
-    x, y, z, w = pose.quaternion
-    return [[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), pose.position[0]],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), pose.position[1]],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), pose.position[2]], [0.0, 0.0, 0.0, 1.0]]
+    w = 0.5 * math.sqrt(1.0 + T[0, 0] + T[1, 1] + T[2, 2])
+    return ((T[2, 1] - T[1, 2]) / (4 * w), (T[0, 2] - T[2, 0]) / (4 * w), (T[1, 0] - T[0, 1]) / (4 * w), w)
 
 
 def true_poses(drive):
     """T_set_lidar of each scan."""
     lines = dict(line.split(":", 1) for line in (drive / "calib.txt").read_text().splitlines() if ":" in line)
     T_cam_lidar = matrix_of(lines["Tr"].split())
-    T_lidar_cam = inverse(T_cam_lidar)
-    return [product(product(T_lidar_cam, matrix_of(line.split())), T_cam_lidar)
+    return [numpy.linalg.inv(T_cam_lidar) @ matrix_of(line.split()) @ T_cam_lidar
             for line in (drive / "poses.txt").read_text().splitlines()]
 
 
@@ -80,10 +72,9 @@ def make_maps(folder):
     truth = true_poses(drive)
     for name, scans in PARTS.items():
         shift = EAST if name == "east" else (0.0, 0.0, 0.0)
-        rows = [" ".join(repr(x - (shift[i] if j == 3 else 0.0)) for i, row in enumerate(T[:3]) for j, x in enumerate(row))
-                for T in truth]
+        T_map_set = matrix_of([1, 0, 0, -shift[0], 0, 1, 0, -shift[1], 0, 0, 1, -shift[2]])
         poses = folder / f"{name}.txt"
-        poses.write_text("\n".join(rows) + "\n")
+        numpy.savetxt(poses, [(T_map_set @ T)[:3].ravel() for T in truth], fmt="%.12f")
         place = [LATITUDE + math.degrees(shift[1] / 6.367e6),
                  LONGITUDE + math.degrees(shift[0] / (6.388e6 * math.cos(math.radians(LATITUDE)))), ALTITUDE + shift[2]]
         run("build", drive, "-o", folder / name, "--select", scans, "--poses", poses, "--given-poses", "exact",
@@ -97,7 +88,7 @@ def run(*arguments):
 
 
 class Clock:
-    """Stamps of a vehicle that drives from one end of a way to the other, and stops there."""
+    """Stamps of a vehicle that drives from one end of a way to the other, and stops there. Meanwhile it sways."""
 
     TOP_M_S = 10.0
 
@@ -105,14 +96,15 @@ class Clock:
         self.now_s = 100.0
 
     def along(self, truth, scans):
-        """(scan, stamp_ns) of each."""
+        """(scan, stamp_ns, T_scan_lidar) of each."""
         way = [0.0]
         for a, b in zip(scans, scans[1:]):
-            way.append(way[-1] + math.dist([row[3] for row in truth[a][:3]], [row[3] for row in truth[b][:3]]))
+            way.append(way[-1] + math.dist(truth[a][:3, 3], truth[b][:3, 3]))
         takes_s = math.pi * way[-1] / (2.0 * self.TOP_M_S)
         for scan, at in zip(scans, way):
             stamp_s = self.now_s + takes_s * math.acos(1.0 - 2.0 * at / way[-1]) / math.pi
-            yield scan, round(1e9 * stamp_s)
+            sway = [math.sin(stamp_s / period_s) for period_s in (2.1, 2.9, 3.7)]
+            yield scan, round(1e9 * stamp_s), moved_by(0.4 * sway[0], 0.5 * sway[1], 0.05 * sway[2])
         self.now_s += takes_s + 0.1
 
 
@@ -138,32 +130,39 @@ class MapSets(unittest.TestCase):
 
     def setUp(self):
         self.random = random.Random(self.id())
+        self.noise = numpy.random.default_rng(1)
 
-    def scan(self, index):
-        return (self.folder / "drive" / "velodyne" / f"{index:06d}.bin").read_bytes()
+    def scan(self, index, T_scan_lidar=None):
+        """@param T_scan_lidar  the sensor is there, a third of the points is missing, and ranges are 2 cm off."""
+        data = (self.folder / "drive" / "velodyne" / f"{index:06d}.bin").read_bytes()
+        if T_scan_lidar is None:
+            return data
+        points = numpy.frombuffer(data, numpy.float32).reshape(-1, 4).copy()
+        points = points[self.noise.random(len(points)) < 0.67]
+        points[:, :3] *= 1.0 + 0.02 * self.noise.standard_normal((len(points), 1)) / numpy.linalg.norm(
+            points[:, :3], axis=1, keepdims=True).clip(1.0)
+        T_lidar_scan = numpy.linalg.inv(T_scan_lidar)
+        points[:, :3] = points[:, :3] @ T_lidar_scan[:3, :3].T + T_lidar_scan[:3, 3]
+        return points.astype(numpy.float32).tobytes()
 
     def prior(self, index, sigma_m=0.5, sigma_rad=0.03):
         """As wrong as it says."""
-        T = self.truth[index]
-        yaw = self.random.gauss(0.0, sigma_rad)
-        turn = [[math.cos(yaw), -math.sin(yaw), 0.0, 0.0], [math.sin(yaw), math.cos(yaw), 0.0, 0.0], [0.0, 0.0, 1.0, 0.0],
-                [0.0, 0.0, 0.0, 1.0]]
-        position = tuple(T[i][3] + self.random.gauss(0.0, sigma_m * (1.0 if i < 2 else 0.1)) for i in range(3))
-        return Prior(Pose(position, quaternion_of(product(T, turn))), sigma=(sigma_m, sigma_rad))
+        T = self.truth[index] @ moved_by(0.0, 0.0, self.random.gauss(0.0, sigma_rad))
+        position = tuple(T[i, 3] + self.random.gauss(0.0, sigma_m * (1.0 if i < 2 else 0.1)) for i in range(3))
+        return Prior(Pose(position, quaternion_of(T)), sigma=(sigma_m, sigma_rad))
 
     def fix(self, index, sigma_m=3.0):
-        east, north = (self.truth[index][i][3] + self.random.gauss(0.0, sigma_m) for i in range(2))
+        east, north = (self.truth[index][i, 3] + self.random.gauss(0.0, sigma_m) for i in range(2))
         return Gnss(LATITUDE + math.degrees(north / 6.367e6),
                     LONGITUDE + math.degrees(east / (6.388e6 * math.cos(math.radians(LATITUDE)))), sigma_m=sigma_m)
 
-    def error(self, answer, index):
+    def error(self, answer, T_set_lidar):
         """In the lidar frame: x, y, z [m]."""
-        off = product(inverse(self.truth[index]), matrix_of_pose(answer.T_set_lidar))
-        return [off[i][3] for i in range(3)]
+        return T_set_lidar[:3, :3].T @ (numpy.array(answer.T_set_lidar.position) - T_set_lidar[:3, 3])
 
     def expect_right(self, answer, index, what):
         self.assertEqual(answer.set, "city")
-        error = self.error(answer, index)
+        error = self.error(answer, self.truth[index])
         bounds = answer.protection
         for along, level in zip(error, (bounds.longitudinal_m, bounds.lateral_m, bounds.vertical_m)):
             self.assertLessEqual(abs(along), level, f"{what}: error {error}, levels {bounds}")
@@ -179,16 +178,16 @@ class MapSets(unittest.TestCase):
                 self.assertLess(counts["ways"], 2 * crossings + 4, f"the vehicle stays in one map: {counts}")
                 if session is None:
                     session = begin(way[0])
-                for scan, stamp_ns in clock.along(self.truth, way):
-                    answer = session.track(self.scan(scan), stamp_ns)
+                for scan, stamp_ns, T_scan_lidar in clock.along(self.truth, way):
+                    answer = session.track(self.scan(scan, T_scan_lidar), stamp_ns)
                     counts["scans"] += 1
                     counts[answer.status] = counts.get(answer.status, 0) + 1
                     if answer.status == "lost":
                         continue
-                    error = self.error(answer, scan)
+                    error = self.error(answer, self.truth[scan] @ T_scan_lidar)
                     handed_over = [each for each in answer.warnings if each.code == "handed_over"]
                     counts["crossings"] += len(handed_over)
-                    size = math.hypot(*error)
+                    size = float(numpy.linalg.norm(error))
                     counts["largest_m"] = max(counts["largest_m"], size)
                     if handed_over:
                         self.assertNotEqual(handed_over[0].from_map, answer.map.name)

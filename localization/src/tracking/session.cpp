@@ -122,7 +122,8 @@ std::optional<Eigen::Isometry3d> TrackingSession::believed_T_map_lidar() const {
 void TrackingSession::continue_from(const TrackingSession& other,
                                     const Eigen::Isometry3d& T_map_other,
                                     const Matrix6d& covariance) {
-  // Perturbations are on the right, in the lidar frame: covariances and velocities stay as they are.
+  // Perturbations are on the right, in the lidar frame: covariances and velocities stay as they
+  // are.
   const auto move = [&](PosePdf& pose) {
     pose.T = T_map_other * pose.T;
     pose.covariance += covariance;

@@ -50,8 +50,7 @@ void add_pose(Json& json, const PoseAnswer& answer) {
         has_pose ? to_json_pose(result.T_map_lidar * T_base_lidar->inverse()) : Json();
   }
   if (!answer.set.empty() && answer.T_set_map)
-    json["T_set_lidar"] =
-        has_pose ? to_json_pose(*answer.T_set_map * result.T_map_lidar) : Json();
+    json["T_set_lidar"] = has_pose ? to_json_pose(*answer.T_set_map * result.T_map_lidar) : Json();
   json["covariance"] = has_pose ? to_json_array(result.covariance) : Json();
   json["covariance_order"] = {"tx", "ty", "tz", "rx", "ry", "rz"};
   json["protection"] = protection(answer);
@@ -90,7 +89,7 @@ std::string pose_answer_json(const PoseAnswer& answer) {
   if (!answer.other_version.empty())
     json["warnings"].push_back({{"code", "version_activated"}, {"version", answer.other_version}});
   if (!answer.handed_over_from.empty())
-    json["warnings"].push_back({{"code", "handed_over"}, {"from", answer.handed_over_from}});
+    json["warnings"].push_back({{"code", "handed_over"}, {"from_map", answer.handed_over_from}});
   if (!answer.session.empty()) {
     json["session"] = answer.session;
     json["searched_from"] = localization::name_of(answer.searched_from);

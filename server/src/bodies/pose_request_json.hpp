@@ -64,7 +64,8 @@ struct SessionRequest {
   std::optional<GnssFix> gnss;
 };
 
-/// @param opens  whether `map`, `version`, `set` and `label` are read; else only where the vehicle is.
+/// @param opens  whether `map`, `version`, `set` and `label` are read; else only where the vehicle
+/// is.
 /// @throws ApiError with the path of what is wrong; unknown keys are refused.
 [[nodiscard]] SessionRequest read_session_json(std::string_view text, bool opens,
                                                const ServerOptions& options);

@@ -20,8 +20,7 @@ Json to_json(const Session& session, std::chrono::seconds idle_limit) {
   Json json;
   json["label"] = session.label();
   const ServedVersion map = session.map();
-  json["map"] = {
-      {"name", map.map}, {"version", map.version}, {"digest", map.package->digest()}};
+  json["map"] = {{"name", map.map}, {"version", map.version}, {"digest", map.package->digest()}};
   if (!session.set().empty()) json["set"] = session.set();
   json["active_version"] = summary.active_version;
   json["scans"] = summary.scans;

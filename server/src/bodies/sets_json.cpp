@@ -34,10 +34,10 @@ MapSet::Member read_member(const nlohmann::json& member, const std::string& path
   const nlohmann::json map = member.value("map", nlohmann::json());
   if (map.is_string()) result.map = map.get<std::string>();
   if (!is_valid_map_name(result.map)) refuse(path + ".map", map, "the name of a map");
-  result.T_set_map = checked_pose(
-      read_numbers<3>(member, "position", path, {0.0, 0.0, 0.0}),
-      read_numbers<4>(member, "quaternion", path, {0.0, 0.0, 0.0, 1.0}),
-      {ErrorCode::kInvalidTransform, path + ".position", path + ".quaternion"});
+  result.T_set_map =
+      checked_pose(read_numbers<3>(member, "position", path, {0.0, 0.0, 0.0}),
+                   read_numbers<4>(member, "quaternion", path, {0.0, 0.0, 0.0, 1.0}),
+                   {ErrorCode::kInvalidTransform, path + ".position", path + ".quaternion"});
   return result;
 }
 
@@ -54,8 +54,8 @@ Json to_json(const MapSet& set) {
 }  // namespace
 
 MapSet read_set_json(std::string_view text) {
-  const nlohmann::json request = parse_request_json(
-      text, {.max_bytes = kMostSetJson, .max_values = 12 * kMostMapsOfSet + 10});
+  const nlohmann::json request =
+      parse_request_json(text, {.max_bytes = kMostSetJson, .max_values = 12 * kMostMapsOfSet + 10});
   require_keys(request, "", {"maps"});
   const nlohmann::json maps = request.value("maps", nlohmann::json());
   if (!maps.is_array() || maps.empty() || maps.size() > kMostMapsOfSet)

@@ -24,7 +24,8 @@ inline constexpr std::string_view kVehicleParameter = "vehicle";
 /// The label of the vehicle that asks; empty when none is told. @throws ApiError kInvalidRequest.
 [[nodiscard]] std::string read_vehicle(
     const std::vector<std::pair<std::string, std::string>>& query);
-/// Name of the parameter that says in which set of maps a scan is, in the query for the same reason.
+/// Name of the parameter that says in which set of maps a scan is, in the query for the same
+/// reason.
 inline constexpr std::string_view kSetParameter = "set";
 /// Whether requests for this have it.
 [[nodiscard]] constexpr bool has_set(ScanPurpose purpose) {

@@ -126,8 +126,8 @@ HttpResponse answer_localize_in_set(const Context& context, const HttpRequest& r
     answer.timing.decode_ms = milliseconds_since(begin);
     deadline = deadline_of(context, request, pose_request.parameters.deadline);
     const PlaceInSet place{pose_request.parameters.prior, pose_request.parameters.gnss};
-    set = maps_of(context, request.caller,
-                  wanted_set(context, name, place.gnss.has_value()), vehicle);
+    set = maps_of(context, request.caller, wanted_set(context, name, place.gnss.has_value()),
+                  vehicle);
     const SetCandidates nearest = candidates_in(set, place);
     // All that are asked take one thinned scan and have the form of the answer.
     set.maps = maps_like(set.maps, nearest.maps.front().in->map);

@@ -113,8 +113,7 @@ void require_member(const MapSet& set, const Caller& caller, const SealedSession
 }
 
 /// @throws ApiError for a seal that nothing goes on from, and as `MapCatalog::ready`.
-SealedStart start_of(const Context& context, const HttpRequest& request,
-                     const SealedScope& scope) {
+SealedStart start_of(const Context& context, const HttpRequest& request, const SealedScope& scope) {
   const std::string text = request.header("stillmap-seal");
   SealedStart start;
   start.is_new = text.empty();
@@ -122,12 +121,12 @@ SealedStart start_of(const Context& context, const HttpRequest& request,
     start.session = context.seals.open(text, owner_of(request, scope));
     require_same(request, scope.path, start.session);
   }
-  const std::string vehicle =
-      start.is_new ? read_vehicle(request.query) : start.session.vehicle;
+  const std::string vehicle = start.is_new ? read_vehicle(request.query) : start.session.vehicle;
   if (scope.set) start.set = maps_of(context, request.caller, *scope.set, vehicle);
   if (start.is_new) {
     // In a set its first scan tells which.
-    start.map = scope.set ? start.set.maps.front().map : ready_version(context, request, scope.path);
+    start.map =
+        scope.set ? start.set.maps.front().map : ready_version(context, request, scope.path);
     start.session = context.seals.begin();
     start.session.version = start.map.version;
     start.session.vehicle = vehicle;
@@ -212,8 +211,8 @@ HttpResponse answer_next(const Context& context, const HttpRequest& request,
   const bool in_set = scope.set.has_value();
   SealedSession& session = start.session;
   const PoseForms forms = pose_forms(request, start.map);
-  ScanInBody found = find_session_scan(
-      request, context.options, in_set ? ScanPurpose::kSetSealed : ScanPurpose::kSealed);
+  ScanInBody found = find_session_scan(request, context.options,
+                                       in_set ? ScanPurpose::kSetSealed : ScanPurpose::kSealed);
   check_place(start, found.parameters);
   const bool is_placed = found.parameters.prior || found.parameters.gnss;
   SetVehicle vehicle = vehicle_of(start, found.parameters);
@@ -234,9 +233,8 @@ HttpResponse answer_next(const Context& context, const HttpRequest& request,
         {.thin = [&](const localization::ScanView& all) { return vehicle.tracker.thin(all); },
          .track =
              [&](std::int64_t stamp_ns, const localization::ThinScan& scan, const auto& odometry) {
-               SetTrackedPose tracked =
-                   track_in_set(vehicle, maps, stamp_ns, scan, odometry,
-                                [&] { require_wanted(request, deadline); });
+               SetTrackedPose tracked = track_in_set(vehicle, maps, stamp_ns, scan, odometry,
+                                                     [&] { require_wanted(request, deadline); });
                set_map(answer, start.set, vehicle.map);
                return tracked;
              },

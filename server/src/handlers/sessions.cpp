@@ -114,8 +114,7 @@ HttpResponse initialize_session(const Context& context, const HttpRequest& reque
   const std::shared_ptr<Session> session = find_session(context, request, path);
   const SessionRequest wanted = read_session_json(request.body, false, context.options);
   if (session->set().empty())
-    session->initialize(
-        {.prior = prior_in(session->map(), wanted.prior, wanted.gnss), .gnss = {}});
+    session->initialize({.prior = prior_in(session->map(), wanted.prior, wanted.gnss), .gnss = {}});
   else
     session->initialize({.prior = wanted.prior, .gnss = wanted.gnss});
   return json_response(session_json(*session, context.sessions.limits().idle));

@@ -38,9 +38,8 @@ std::optional<SetMap> ready_map(const Context& context, const MapSet::Member& me
   try {
     ServedVersion map = context.catalog.ready(member.map, std::nullopt, vehicle);
     const bool came_with_rollout = is_rolled_out(context.catalog, map);
-    return SetMap{.map = std::move(map),
-                  .T_set_map = member.T_set_map,
-                  .is_rolled_out = came_with_rollout};
+    return SetMap{
+        .map = std::move(map), .T_set_map = member.T_set_map, .is_rolled_out = came_with_rollout};
   } catch (const ApiError& error) {
     why = error;
   } catch (const StoreRefusal& refusal) {

@@ -57,12 +57,12 @@ void add_set_routes(std::vector<Route>& routes, const Context& context) {
                return list_sets(context, request);
              },
              Access::kReadOrLocalize};
-  Route show{"GET", "/v1/sets/{set}",
-             [&context](const HttpRequest& request, const PathParameters& path) {
-               return json_response(
-                   set_json(seen_set(context.catalog, request.caller, path.at("set"))));
-             },
-             Access::kReadOrLocalize};
+  Route show{
+      "GET", "/v1/sets/{set}",
+      [&context](const HttpRequest& request, const PathParameters& path) {
+        return json_response(set_json(seen_set(context.catalog, request.caller, path.at("set"))));
+      },
+      Access::kReadOrLocalize};
   list.limits_maps = show.limits_maps = true;
   routes.push_back(std::move(list));
   routes.push_back(std::move(show));

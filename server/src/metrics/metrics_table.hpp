@@ -90,8 +90,9 @@ inline constexpr std::array kMetricTable = {
     MetricInfo{"stillmap_sealed_scans_total", "counter", "result",
                "Scans of sealed sessions: begun (without a seal), continued, replayed (a seal that "
                "was used before)."},
-    MetricInfo{"stillmap_set_choices_total", "counter", "map,by",
-               "Maps chosen for requests that name none, by prior, gnss or nothing; the map chosen."},
+    MetricInfo{
+        "stillmap_set_choices_total", "counter", "map,by",
+        "Maps chosen for requests that name none, by prior, gnss or nothing; the map chosen."},
     MetricInfo{"stillmap_hand_overs_total", "counter", "map",
                "Vehicles that went on in a neighbour of their map: that neighbour."},
     MetricInfo{"stillmap_maps", "gauge", "state", "Maps by state: ready, loading, failed."},

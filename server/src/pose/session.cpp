@@ -28,7 +28,7 @@ std::string version_event_json(const std::string& map, const std::string& versio
 
 std::string handed_over_event_json(const std::string& from, const ServedVersion& map,
                                    std::int64_t stamp_ns) {
-  return to_text(Json{{"from", from},
+  return to_text(Json{{"from_map", from},
                       {"map", map.map},
                       {"version", map.version},
                       {"stamp_ns", std::to_string(stamp_ns)}});
@@ -44,11 +44,11 @@ Session::Session(Name name, ServedVersion map, AlignmentQueue& queue)
     : name_(std::move(name)),
       shown_label_(shown_label(name_)),
       line_(queue),
-      vehicle_{.map = map,
-               .tracker = localization::Tracker(map.aligners->front().second,
-                                                map.localization.tracker),
-               .is_rolled_out = name_.is_rolled_out,
-               .begin = {}},
+      vehicle_{
+          .map = map,
+          .tracker = localization::Tracker(map.aligners->front().second, map.localization.tracker),
+          .is_rolled_out = name_.is_rolled_out,
+          .begin = {}},
       map_(std::move(map)) {
   summary_.active_version = map_.version;
 }

@@ -75,8 +75,9 @@ class Session {
                               std::span<const SetMap> maps,
                               const std::function<void()>& require_wanted);
   /// Forgets where the vehicle was. @param place  a prior with its covariance, in the frame of the
-  /// set if there is one, or a fix in a set; nothing: the next scan is looked for everywhere. Waits for the scan that is being aligned; the one that waits behind it
-  /// was sent from where the vehicle is not, and ends with kSuperseded.
+  /// set if there is one, or a fix in a set; nothing: the next scan is looked for everywhere. Waits
+  /// for the scan that is being aligned; the one that waits behind it was sent from where the
+  /// vehicle is not, and ends with kSuperseded.
   void initialize(const PlaceInSet& place);
 
   /// The map serves this version now; one that differs from the last one noted becomes an event.

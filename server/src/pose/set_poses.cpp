@@ -156,9 +156,9 @@ SetTrackedPose find_vehicle(SetVehicle& vehicle, const SetCandidates& candidates
   std::vector<std::pair<Tracker, localization::TrackedPose>> tried;
   const FoundInSet found = search_in(candidates, [&](const SetCandidates::Each& each) {
     const ServedVersion& map = each.in->map;
-    Tracker tracker = vehicle.tracker.continued_in(map.aligners->front().second,
-                                                   map.localization.tracker,
-                                                   Eigen::Isometry3d::Identity(), frames_off());
+    Tracker tracker =
+        vehicle.tracker.continued_in(map.aligners->front().second, map.localization.tracker,
+                                     Eigen::Isometry3d::Identity(), frames_off());
     if (each.prior) tracker.initialize(each.prior->T_map_lidar, each.prior->covariance.value());
     localization::TrackedPose pose = track(tracker);
     AlignmentResult result = pose.result;
@@ -168,7 +168,8 @@ SetTrackedPose find_vehicle(SetVehicle& vehicle, const SetCandidates& candidates
   auto& [tracker, pose] = tried.at(found.candidate);
   const ServedVersion& map = candidates.maps[found.candidate].in->map;
   // One that began in the wrong of two maps would be confirmed there.
-  const bool is_open = has(found.result, Reason::kAmbiguous) && !has(pose.result, Reason::kAmbiguous);
+  const bool is_open =
+      has(found.result, Reason::kAmbiguous) && !has(pose.result, Reason::kAmbiguous);
   const std::optional<PlaceInSet> begin = is_open ? vehicle.begin : std::nullopt;
   if (is_open) tracker = Tracker(map.aligners->front().second, map.localization.tracker);
   pose.result = found.result;
@@ -206,11 +207,11 @@ SetCandidates candidates_in(std::span<const SetMap> maps, const PlaceInSet& plac
     found.maps = everywhere(maps);
   }
   if (found.maps.size() > kMostCandidates)
-    throw field_error(ErrorCode::kInvalidRequest, place.gnss ? "gnss" : "prior",
-                      fmt::format("{}, so that the scan may be in {} maps",
-                                  place.prior || place.gnss ? "a vague one" : "nothing",
-                                  found.maps.size()),
-                      fmt::format("a place that leaves at most {} maps", kMostCandidates));
+    throw field_error(
+        ErrorCode::kInvalidRequest, place.gnss ? "gnss" : "prior",
+        fmt::format("{}, so that the scan may be in {} maps",
+                    place.prior || place.gnss ? "a vague one" : "nothing", found.maps.size()),
+        fmt::format("a place that leaves at most {} maps", kMostCandidates));
   return found;
 }
 

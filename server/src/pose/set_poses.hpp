@@ -90,11 +90,11 @@ struct SetTrackedPose {
 /// than the vehicle's map are left out.
 /// @param require_wanted  called before each match; may throw.
 /// @throws as `Tracker::track_thin` and `candidates_in`.
-[[nodiscard]] SetTrackedPose track_in_set(
-    SetVehicle& vehicle, std::span<const SetMap> maps, std::int64_t stamp_ns,
-    const localization::ThinScan& scan_lidar,
-    const std::optional<localization::OdometryStep>& odometry,
-    const std::function<void()>& require_wanted);
+[[nodiscard]] SetTrackedPose track_in_set(SetVehicle& vehicle, std::span<const SetMap> maps,
+                                          std::int64_t stamp_ns,
+                                          const localization::ThinScan& scan_lidar,
+                                          const std::optional<localization::OdometryStep>& odometry,
+                                          const std::function<void()>& require_wanted);
 
 /// Those that take scans which were thinned for this map, and tell as much of the Earth.
 [[nodiscard]] std::vector<SetMap> maps_like(std::span<const SetMap> maps, const ServedVersion& map);

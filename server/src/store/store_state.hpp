@@ -64,11 +64,10 @@ struct StoredMap {
 enum class WhenActive : std::uint8_t { kRefuse, kRemove };
 
 /// Names, versions and active pointers of a store, and its keys, jobs, drives, saved corrections,
-/// roll-outs, sets and audit log, in one database, SQLite's or PostgreSQL's, that outlives a power cut:
-/// what returned is kept. Knows
-/// nothing of packages on the disk. Safe from several threads, and several processes may have it
-/// open. Throws StorageError when the disk fails; a change has then not happened, or (a failed
-/// sync) may show after the next open.
+/// roll-outs, sets and audit log, in one database, SQLite's or PostgreSQL's, that outlives a power
+/// cut: what returned is kept. Knows nothing of packages on the disk. Safe from several threads,
+/// and several processes may have it open. Throws StorageError when the disk fails; a change has
+/// then not happened, or (a failed sync) may show after the next open.
 class StoreState {
  public:
   /// Opens or makes it, and brings an older schema up to date. When the disk does not allow that,

@@ -71,9 +71,9 @@ TEST(TrackerHandOver, DrivesBackAndForthOverABorderWithoutAGap) {
     const Eigen::Isometry3d T_world_lidar = truth(seconds);
     const bool wants_east = T_world_lidar.translation().x() > 65.0;
     if (wants_east != in_east) {
-      tracker = tracker.continued_in(
-          wants_east ? maps.east : maps.west, {},
-          wants_east ? T_east_west_said : T_east_west_said.inverse(), frames_off());
+      tracker = tracker.continued_in(wants_east ? maps.east : maps.west, {},
+                                     wants_east ? T_east_west_said : T_east_west_said.inverse(),
+                                     frames_off());
       in_east = wants_east;
       ++crossings;
     }
@@ -85,7 +85,8 @@ TEST(TrackerHandOver, DrivesBackAndForthOverABorderWithoutAGap) {
     EXPECT_EQ(answer.searched_from, k == 0 ? SearchedFrom::kGiven : SearchedFrom::kVelocity) << k;
     const Eigen::Isometry3d T_map_world =
         in_east ? maps.T_east_west : Eigen::Isometry3d::Identity();
-    const Eigen::Isometry3d off = (T_map_world * T_world_lidar).inverse() * answer.result.T_map_lidar;
+    const Eigen::Isometry3d off =
+        (T_map_world * T_world_lidar).inverse() * answer.result.T_map_lidar;
     EXPECT_LE(std::abs(off.translation().x()), answer.result.protection.longitudinal_m) << k;
     EXPECT_LE(std::abs(off.translation().y()), answer.result.protection.lateral_m) << k;
   }

@@ -287,10 +287,10 @@ TEST_F(MapSets, SessionOfTheServerIsHandedOverToo) {
   x_ = 104.0;
   std::vector<std::string> names;
   for (int i = 0; i < 100; ++i, x_ -= 1.0) {
-    const json answer =
-        ask(scan(path + "/scans", 1'000'000'000 + std::int64_t{i} * 500'000'000));
+    const json answer = ask(scan(path + "/scans", 1'000'000'000 + std::int64_t{i} * 500'000'000));
     EXPECT_EQ(answer["status"], "ok") << x_;
-    if (names.empty() || names.back() != answer["map"]["name"]) names.push_back(answer["map"]["name"]);
+    if (names.empty() || names.back() != answer["map"]["name"])
+      names.push_back(answer["map"]["name"]);
   }
   EXPECT_THAT(names, ElementsAre("east", "west"));
   const json shown = body(get(path));
@@ -327,7 +327,8 @@ TEST_F(MapSets, KeyIsAnsweredFromItsMapsAlone) {
   ask(with_key(with_prior(scan("/v1/localize/next"), x_), west));
   for (int i = 0; i < 40; ++i) {
     x_ += 1.0;
-    HttpRequest next = with_key(scan("/v1/localize/next", 1'000'000'000 * std::int64_t{i} + 2), west);
+    HttpRequest next =
+        with_key(scan("/v1/localize/next", 1'000'000'000 * std::int64_t{i} + 2), west);
     next.headers["stillmap-seal"] = seal_;
     EXPECT_EQ(ask(next)["map"]["name"], "west");
   }

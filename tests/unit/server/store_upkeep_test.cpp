@@ -227,7 +227,8 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
       "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE audit_start; DROP TABLE job_drives;"
       "DROP TABLE drive_parts; DROP TABLE drives; DROP TABLE jobs; DROP TABLE keys;"
       "DROP TABLE retired; DROP TABLE retired_maps; DROP TABLE migrated; DROP TABLE package_files;"
-      "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; DROP TABLE map_sets; PRAGMA user_version=1");
+      "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; DROP TABLE map_sets; "
+      "PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
   EXPECT_EQ(store.state().active_at("town", INT64_MAX), "1");
@@ -258,7 +259,8 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
           "ALTER TABLE jobs DROP COLUMN server; ALTER TABLE jobs DROP COLUMN beat;"
           "ALTER TABLE audit DROP COLUMN server_request_id; DROP TABLE migrated; DROP TABLE "
           "package_files;"
-          "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; DROP TABLE map_sets; PRAGMA "
+          "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; DROP TABLE "
+          "map_sets; PRAGMA "
           "user_version=3");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);

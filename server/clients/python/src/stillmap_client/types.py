@@ -187,7 +187,7 @@ class PoseWarning:
     def of(cls, json: Mapping[str, Any]) -> "PoseWarning":
         ahead_s, version = json.get("ahead_s"), json.get("version")
         return cls(str(json["code"]), None if ahead_s is None else float(ahead_s),
-                   None if version is None else str(version), json.get("from"))
+                   None if version is None else str(version), json.get("from_map"))
 
 
 @dataclass(frozen=True)
