@@ -180,6 +180,7 @@ std::vector<Route> all_routes(const Context& context, const std::vector<WebAsset
   add_batch_routes(routes, context);
   add_session_routes(routes, context);
   add_sealed_session_routes(routes, context);
+  add_set_routes(routes, context);
   add_stats_routes(routes, context);
   add_rollout_routes(routes, context);
   add_openapi_routes(routes);

@@ -293,20 +293,25 @@ class Coverage(unittest.TestCase):
         client.localize("town", Pcd(b"VERSION 0.7"), version="v1")
         found["localizeInVersion"] = client.localize("town", xyzi, version="v1", **full, deadline_ms=900)
         found["localize"] = client.localize("town", xyzi)
-        poses = {"localize": client.localize_geopose("town", xyzi),
+        client.localize(None, xyzi, **flat, vehicle="truck 7", set="city")
+        client.localize(None, xyzi, gnss=gnss)
+        client.localize(None, Pcd(b"VERSION 0.7"))
+        found["localizeInSet"] = client.localize(None, xyzi, **full, deadline_ms=900)
+        poses = {"localizeInSet": client.localize_geopose(None, xyzi), "localize": client.localize_geopose("town", xyzi),
                  "localizeInVersion": client.localize_geopose("town", xyzi, version="v1", **full)}
         for name, version in (("localizeBatch", None), ("localizeBatchInVersion", "v1")):
             found[name], = client.localize_batch("town", [Query(xyzi, **full)], version=version, deadline_ms=900,
                                                   vehicle="truck 7")
             self.assertIsInstance(found[name], PoseAnswer)
         session = client.open_session("town", version="v1", label="truck 7", prior=full["prior"], gnss=gnss)
+        client.open_session(None, set="city")
         step = Odometry(5, pose, covariance=covariance)
         session.track(xyzi, 7, deadline_ms=900)
         session.track(Pcd(b"VERSION 0.7"), 7)
         found["trackScan"] = session.track(xyzi, 7, odometry=step, T_base_lidar=pose, movable=boxes, deadline_ms=900)
         poses["trackScan"] = session.track_geopose(xyzi, 7)
-        for name, version in (("trackSealed", None), ("trackSealedInVersion", "v1")):
-            sealed = client.sealed_session("town", version=version, label="truck 7", prior=full["prior"], gnss=gnss)
+        for name, of in (("trackSealed", {}), ("trackSealedInVersion", {"version": "v1"}), ("trackSealedInSet", {"set": "city"})):
+            sealed = client.sealed_session(None if "set" in of else "town", **of, label="truck 7", prior=full["prior"], gnss=gnss)
             sealed.track(xyzi, 7, odometry=step, T_base_lidar=pose, movable=boxes, deadline_ms=900)
             self.assertEqual((sealed.seal, sealed.begun), ("c2VhbA==", 1))
             sealed.track(Pcd(b"VERSION 0.7"), 7)

@@ -41,11 +41,16 @@ json json_of(const client::MapReference& map) {
 json json_of(const client::PoseAnswer& answer) {
   json warnings = json::array();
   for (const auto& each : answer.warnings)
-    warnings.push_back({{"code", each.code}, {"ahead_s", each.ahead_s}, {"version", each.version}});
+    warnings.push_back({{"code", each.code},
+                        {"ahead_s", each.ahead_s},
+                        {"version", each.version},
+                        {"from_map", each.from_map}});
   const auto& [longitudinal, lateral, vertical, yaw] = answer.protection;
   return {{"status", answer.status},
           {"reasons", answer.reasons},
           {"pose", json_of(answer.pose)},
+          {"set", answer.set},
+          {"T_set_lidar", json_of(answer.T_set_lidar)},
           {"T_map_base", json_of(answer.T_map_base)},
           {"covariance", json_of(answer.covariance)},
           {"covariance_order", answer.covariance_order},
@@ -91,7 +96,8 @@ json json_of(const client::SessionInfo& info) {
           {"idle_s", info.idle_s},
           {"idle_limit_s", info.idle_limit_s},
           {"key_id", info.key_id},
-          {"key_name", info.key_name}};
+          {"key_name", info.key_name},
+          {"set", info.set}};
 }
 
 json json_of(const client::GeoPose& pose) {
@@ -124,6 +130,12 @@ json use(const std::string& url, const std::string& folder) {
     query.version.clear();
     found["localize"] = json_of(server.localize("town", xyzi, query));
   }
+  for (client::Query query : {flat, fix, all}) {
+    query.version.clear();
+    query.set = "city";
+    found["localizeInSet"] = json_of(server.localize("", xyzi, query));
+  }
+  found["geopose localizeInSet"] = json_of(server.localize_geopose("", xyzi, flat));
   found["geopose localize"] = json_of(server.localize_geopose("town", xyzi, flat));
   server.localize_geopose("town", xyzi, all);
   const std::vector<client::Client::BatchItem> items = {{xyzi, all}};
@@ -133,6 +145,9 @@ json use(const std::string& url, const std::string& folder) {
       json_of(*server.localize_batch("town", items, "v1", deadline, "truck 7").at(0).answer);
   const std::string session = server.open_session("town", {full, gnss, "v1", "truck 7", 0});
   server.open_session("town");
+  client::SessionOptions in_set{full, gnss, "", "truck 7", 0};
+  in_set.set = "city";
+  server.open_session("", in_set);
   client::ScanOptions scan{client::Odometry{5, pose, 0.1, 0.01, {}}, pose, boxes, deadline, 0};
   server.track(session, xyzi, 7, scan);
   found["geopose trackScan"] = json_of(server.track_geopose(session, xyzi, 7));
@@ -156,6 +171,11 @@ json use(const std::string& url, const std::string& folder) {
         json_of(server.track_sealed_geopose("town", seal, xyzi, 7, scan, start));
     found[name] = json_of(server.track_sealed("town", seal, xyzi, 7, scan, start));
   }
+  seal.clear();
+  server.track_sealed("", seal, xyzi, 7, all_of_scan, in_set);
+  found["geopose trackSealedInSet"] =
+      json_of(server.track_sealed_geopose("", seal, xyzi, 7, scan, in_set));
+  found["trackSealedInSet"] = json_of(server.track_sealed("", seal, xyzi, 7, scan, in_set));
   server.initialize(session);
   found["initializeSession"] = json_of(server.initialize(session, full, gnss));
   found["getSession"] = json_of(server.session(session));

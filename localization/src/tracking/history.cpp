@@ -47,6 +47,13 @@ void TrackingHistory::restore(std::int64_t newest_ns, const std::optional<Known>
   if (newest) add(*newest);
 }
 
+void TrackingHistory::continue_from(const TrackingHistory& other,
+                                    const std::function<void(PosePdf&)>& move) {
+  newest_ns_ = other.newest_ns_;
+  states_ = other.states_;
+  for (auto& [stamp_ns, known] : states_) move(known.state.pose);
+}
+
 void TrackingHistory::prune() {
   const auto drop = [this](auto& kept) {
     while (!kept.empty() && (kept.size() > kMaxKept || !keeps(kept.begin()->first))) {

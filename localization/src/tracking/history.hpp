@@ -5,6 +5,7 @@
 #include <stillmap/localization/tracker.hpp>
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 
@@ -39,6 +40,9 @@ class TrackingHistory {
   void add(const Known& known);
   /// Of an empty one: the newest scan of another, and its state.
   void restore(std::int64_t newest_ns, const std::optional<Known>& newest);
+  /// Of an empty one: the states of another, moved to another map. Its answers are of that map, and
+  /// are left out.
+  void continue_from(const TrackingHistory& other, const std::function<void(PosePdf&)>& move);
   /// The vehicle turned out to be elsewhere: no pose lies between there and here.
   void forget_states() { states_.clear(); }
 

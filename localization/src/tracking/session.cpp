@@ -113,6 +113,30 @@ void TrackingSession::restore(const TrackingState& state) {
   history_.restore(state.newest_ns, state.newest);
 }
 
+std::optional<Eigen::Isometry3d> TrackingSession::believed_T_map_lidar() const {
+  if (given_) return given_->T;
+  if (belief_.anchor) return belief_.anchor->pose.T;
+  return std::nullopt;
+}
+
+void TrackingSession::continue_from(const TrackingSession& other,
+                                    const Eigen::Isometry3d& T_map_other,
+                                    const Matrix6d& covariance) {
+  // Perturbations are on the right, in the lidar frame: covariances and velocities stay as they
+  // are.
+  const auto move = [&](PosePdf& pose) {
+    pose.T = T_map_other * pose.T;
+    pose.covariance += covariance;
+  };
+  given_ = other.given_;
+  if (given_) move(*given_);
+  belief_ = other.belief_;
+  if (belief_.anchor) move(belief_.anchor->pose);
+  history_.continue_from(other.history_, move);
+  too_old_ = other.too_old_;
+  too_old_ns_ = other.too_old_ns_;
+}
+
 TrackedPose TrackingSession::track(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                    const std::optional<OdometryStep>& odometry) {
   if (const TrackedPose* known = history_.answer_at(stamp_ns)) return *known;

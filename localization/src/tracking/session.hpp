@@ -27,6 +27,10 @@ class TrackingSession {
   [[nodiscard]] TrackingState state() const;
   /// Of a session that is new.
   void restore(const TrackingState& state);
+  [[nodiscard]] std::optional<Eigen::Isometry3d> believed_T_map_lidar() const;
+  /// The same: the other one was in another map.
+  void continue_from(const TrackingSession& other, const Eigen::Isometry3d& T_map_other,
+                     const Matrix6d& covariance);
 
  private:
   using Mode = TrackingMode;

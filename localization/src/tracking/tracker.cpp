@@ -105,6 +105,20 @@ Tracker Tracker::restored(std::shared_ptr<const Aligner> aligner, const TrackerO
   return tracker;
 }
 
+std::optional<Eigen::Isometry3d> Tracker::believed_T_map_lidar() const {
+  return session_->believed_T_map_lidar();
+}
+
+Tracker Tracker::continued_in(std::shared_ptr<const Aligner> aligner, const TrackerOptions& options,
+                              const Eigen::Isometry3d& T_other_map,
+                              const Eigen::Matrix<double, 6, 6>& covariance) const {
+  require_rigid("frame of the other map", T_other_map, kMaxCoordinateM);
+  require_covariance("frame of the other map", covariance);
+  Tracker other(std::move(aligner), options);
+  other.session_->continue_from(*session_, T_other_map, covariance);
+  return other;
+}
+
 TrackedPose Tracker::track_thin(std::int64_t stamp_ns, const ThinScan& scan_lidar,
                                 const std::optional<OdometryStep>& odometry) {
   require_usable(scan_lidar.points_lidar);

@@ -116,6 +116,9 @@ struct Query {
   std::string version{};
   /// Label of the vehicle that asks; empty = none is told.
   std::string vehicle{};
+  /// Where no map is named: name of the set of maps that the scan is in; empty = the only one, with
+  /// gnss all maps with a place on the Earth. The prior is in the frame of the set.
+  std::string set{};
 };
 
 /// What a session's scan may say besides points and stamp.
@@ -140,6 +143,8 @@ struct SessionOptions {
   std::optional<int> retries{};
   /// Of a `SessionStream`: its sessions are sealed, and go on with any server of the store.
   bool sealed = false;
+  /// Where no map is named: the set of maps that the vehicle goes through; empty = the only one.
+  std::string set{};
 };
 
 /// What the errors of an `ok` pose stay within but for one in a thousand; nothing = no bound.
@@ -164,11 +169,13 @@ struct Offset {
 
 /// `clock_skew`: the stamp is `ahead_s` ahead of the server's clock. Of sealed sessions
 /// `seal_replayed`: the server has gone on from this seal before; `version_activated`: the vehicle
-/// would get `version` now.
+/// would get `version` now. Of sessions in a set `handed_over`: until this scan the vehicle was
+/// followed in the map `from_map`.
 struct Warning {
   std::string code;
   double ahead_s = 0.0;
   std::string version;
+  std::string from_map;
 };
 
 struct Timing {
@@ -206,6 +213,9 @@ struct PoseAnswer {
   /// Both of a session's scan only.
   std::string session;
   std::string searched_from;
+  /// In a set of maps only: its name, and the pose in its frame, nothing when lost.
+  std::string set;
+  std::optional<Pose> T_set_lidar;
   /// Every key of the answer.
   nlohmann::json json;
 };
@@ -248,6 +258,8 @@ struct SessionInfo {
   /// In lists of sessions.
   std::string key_id;
   std::string key_name;
+  /// The set that its map is of; empty without one.
+  std::string set;
 };
 
 /// A point of a map's tile, 20 bytes on the wire.
@@ -456,11 +468,14 @@ inline PoseAnswer answer_of(const Json& json) {
   const Json& timing = json.at("timing_ms");
   answer.timing = {timing.at("wait"), timing.at("decode"), timing.at("align"), timing.at("total")};
   for (const Json& each : json.at("warnings"))
-    answer.warnings.push_back(
-        {each.at("code"), each.value("ahead_s", 0.0), text_or_empty(each, "version")});
+    answer.warnings.push_back({each.at("code"), each.value("ahead_s", 0.0),
+                               text_or_empty(each, "version"), text_or_empty(each, "from_map")});
   answer.request_id = json.at("request_id");
   answer.session = text_or_empty(json, "session");
   answer.searched_from = text_or_empty(json, "searched_from");
+  answer.set = text_or_empty(json, "set");
+  if (const auto in_set = json.find("T_set_lidar"); in_set != json.end())
+    answer.T_set_lidar = optional_pose_of(*in_set);
   answer.json = json;
   return answer;
 }
@@ -484,6 +499,7 @@ inline SessionInfo session_of(const Json& json) {
   info.idle_limit_s = json.at("idle_limit_s");
   info.key_id = text_or_empty(json, "key_id");
   info.key_name = text_or_empty(json, "key_name");
+  info.set = text_or_empty(json, "set");
   return info;
 }
 
@@ -588,6 +604,7 @@ class Client {
   }
 
   /// Where a scan was taken; the status is `lost` when that cannot be said.
+  /// @param map  empty = the map of a set that the scan is in.
   /// @throws Problem, ConnectionLost.
   PoseAnswer localize(const std::string& map, const Points& points, const Query& query = {}) {
     return read<PoseAnswer>(send_query(map, points, query, nullptr), detail::answer_of);
@@ -633,10 +650,11 @@ class Client {
     return answers;
   }
 
-  /// @return the session's id.
+  /// @param map  empty = through the maps of a set. @return the session's id.
   std::string open_session(const std::string& map, const SessionOptions& options = {}) {
     nlohmann::json wanted = place_in(options.prior, options.gnss);
-    wanted["map"] = map;
+    if (!map.empty()) wanted["map"] = map;
+    if (!options.set.empty()) wanted["set"] = options.set;
     if (!options.version.empty()) wanted["version"] = options.version;
     if (!options.label.empty()) wanted["label"] = options.label;
     Request request{
@@ -888,6 +906,7 @@ class Client {
   static constexpr const char* kRevision = "Stillmap-Revision";
 
   static std::string place_of(const std::string& map, const std::string& version) {
+    if (map.empty()) return "/v1";
     return "/v1/maps/" + map + (version.empty() ? "" : "/versions/" + version);
   }
 
@@ -920,6 +939,9 @@ class Client {
 
   static std::string with_vehicle(const std::string& path, const std::string& vehicle) {
     return vehicle.empty() ? path : httplib::append_query_params(path, {{"vehicle", vehicle}});
+  }
+  static std::string with_set(const std::string& path, const std::string& set) {
+    return set.empty() ? path : httplib::append_query_params(path, {{"set", set}});
   }
 
   std::vector<BatchAnswer> send_batch(Request request, const std::vector<BatchItem>& items) {
@@ -1018,7 +1040,7 @@ class Client {
   /// Flat while it can be, since the server then knows all before the body.
   httplib::Response send_query(const std::string& map, const Points& points, const Query& query,
                                const char* accept) {
-    const std::string path = place_of(map, query.version) + "/localize";
+    const std::string path = with_set(place_of(map, query.version) + "/localize", query.set);
     return thin_or_whole(is_to_thin(query), [&](bool thin) {
       const Body scan = body_of(points, thin);
       Request request{path, {}, accept, true, {}, query.deadline};
@@ -1083,8 +1105,8 @@ class Client {
   httplib::Response send_sealed(const std::string& map, std::string& seal, const Points& points,
                                 std::int64_t stamp_ns, const ScanOptions& options,
                                 const SessionOptions& start, const char* accept) {
-    const std::string path =
-        with_vehicle(place_of(map, start.version) + "/localize/next", start.label);
+    const std::string path = with_vehicle(
+        with_set(place_of(map, start.version) + "/localize/next", start.set), start.label);
     nlohmann::json place = nlohmann::json::object();
     if (seal.empty()) place = place_in(start.prior, start.gnss);
     return thin_or_whole(options.movable.empty(), [&](bool thin) {

@@ -49,6 +49,8 @@ void add_pose(Json& json, const PoseAnswer& answer) {
     json["T_map_base"] =
         has_pose ? to_json_pose(result.T_map_lidar * T_base_lidar->inverse()) : Json();
   }
+  if (!answer.set.empty() && answer.T_set_map)
+    json["T_set_lidar"] = has_pose ? to_json_pose(*answer.T_set_map * result.T_map_lidar) : Json();
   json["covariance"] = has_pose ? to_json_array(result.covariance) : Json();
   json["covariance_order"] = {"tx", "ty", "tz", "rx", "ry", "rz"};
   json["protection"] = protection(answer);
@@ -71,6 +73,7 @@ std::string pose_answer_json(const PoseAnswer& answer) {
   add_pose(json, answer);
   json["iterations"] = answer.result.iterations;
   json["map"] = reference(answer.map_name, answer.map_version, answer.map_digest);
+  if (!answer.set.empty()) json["set"] = answer.set;
   const auto& stamp_ns = answer.parameters.stamp_ns;
   // As text: beyond 2^53 a JSON number is no longer exact.
   json["stamp_ns"] = stamp_ns ? Json(std::to_string(*stamp_ns)) : Json();
@@ -85,6 +88,8 @@ std::string pose_answer_json(const PoseAnswer& answer) {
   if (answer.is_replay) json["warnings"].push_back({{"code", "seal_replayed"}});
   if (!answer.other_version.empty())
     json["warnings"].push_back({{"code", "version_activated"}, {"version", answer.other_version}});
+  if (!answer.handed_over_from.empty())
+    json["warnings"].push_back({{"code", "handed_over"}, {"from_map", answer.handed_over_from}});
   if (!answer.session.empty()) {
     json["session"] = answer.session;
     json["searched_from"] = localization::name_of(answer.searched_from);

@@ -183,7 +183,7 @@ maps::PointCloud take_points(const RequestJson& request, std::vector<JsonPoints>
 /// Keys of a request with a scan; the places of the scan differ in one key alone.
 std::vector<std::string_view> known_keys(JsonScan scan, ScanPurpose purpose) {
   std::vector<std::string_view> keys = {"T_base_lidar", "movable", "stamp_ns"};
-  const bool is_sealed = purpose == ScanPurpose::kSealed;
+  const bool is_sealed = purpose == ScanPurpose::kSealed || purpose == ScanPurpose::kSetSealed;
   const bool is_of_session = purpose == ScanPurpose::kSession || is_sealed;
   if (is_of_session) keys.emplace_back("odometry");
   if (!is_of_session || is_sealed) keys.insert(keys.end(), {"prior", "gnss"});
@@ -275,11 +275,14 @@ SessionRequest read_session_json(std::string_view text, bool opens, const Server
                          {.max_bytes = options.max_json_bytes, .max_values = kMostQueryValues});
   SessionRequest result;
   if (opens) {
-    require_keys(request, "", {"map", "version", "label", "prior", "gnss"});
-    if (!request.contains("map")) {
-      throw field_error(ErrorCode::kInvalidRequest, "map", "nothing", "the name of a map");
-    }
-    result.map = read_text(request["map"], "map");
+    require_keys(request, "", {"map", "version", "set", "label", "prior", "gnss"});
+    if (request.contains("map")) result.map = read_text(request["map"], "map");
+    if (request.contains("set")) result.set = read_text(request["set"], "set");
+    if (!result.set.empty() && !result.map.empty())
+      throw field_error(ErrorCode::kInvalidRequest, "set", "a map beside it", "one of the two");
+    if (request.contains("version") && result.map.empty())
+      throw field_error(ErrorCode::kInvalidRequest, "version", "a version without a map",
+                        "the map's name beside it");
     if (request.contains("version")) result.version = read_text(request["version"], "version");
     if (request.contains("label")) result.label = read_label(request["label"]);
   } else {

@@ -52,9 +52,11 @@ struct JsonBatch {
                                         const ServerOptions& options,
                                         std::function<void()> require_wanted = {});
 
-/// What a session is opened with: `map`, `version?`, and `prior` (with covariance) or `gnss`.
+/// What a session is opened with: `map`, `version?`, or `set`, or neither where there is one set;
+/// and `prior` (with covariance) or `gnss`.
 struct SessionRequest {
   std::string map;
+  std::string set;
   std::string version;
   /// What operators call the vehicle; empty when the client does not say.
   std::string label;
@@ -62,7 +64,8 @@ struct SessionRequest {
   std::optional<GnssFix> gnss;
 };
 
-/// @param opens  whether `map`, `version` and `label` are read; else only where the vehicle is.
+/// @param opens  whether `map`, `version`, `set` and `label` are read; else only where the vehicle
+/// is.
 /// @throws ApiError with the path of what is wrong; unknown keys are refused.
 [[nodiscard]] SessionRequest read_session_json(std::string_view text, bool opens,
                                                const ServerOptions& options);

@@ -19,9 +19,9 @@ Json to_json(const Session& session, std::chrono::seconds idle_limit) {
   const Session::Summary summary = session.summary(Session::Clock::now());
   Json json;
   json["label"] = session.label();
-  json["map"] = {{"name", session.map().map},
-                 {"version", session.map().version},
-                 {"digest", session.map().package->digest()}};
+  const ServedVersion map = session.map();
+  json["map"] = {{"name", map.map}, {"version", map.version}, {"digest", map.package->digest()}};
+  if (!session.set().empty()) json["set"] = session.set();
   json["active_version"] = summary.active_version;
   json["scans"] = summary.scans;
   json["status"] = summary.status ? Json(localization::name_of(*summary.status)) : Json();

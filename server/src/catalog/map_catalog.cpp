@@ -269,6 +269,39 @@ std::vector<Rollout> MapCatalog::rollouts() const {
   return each;
 }
 
+std::vector<MapSet> MapCatalog::sets() const {
+  const std::scoped_lock lock(mutex_);
+  return sets_;
+}
+
+std::optional<MapSet> MapCatalog::set(std::string_view name) const {
+  const std::scoped_lock lock(mutex_);
+  const auto found = std::find_if(sets_.begin(), sets_.end(),
+                                  [&](const MapSet& each) { return each.name == name; });
+  if (found == sets_.end()) return std::nullopt;
+  return *found;
+}
+
+bool MapCatalog::put_set(const MapSet& set) {
+  const std::scoped_lock what_was_read_holds(follow_mutex_);
+  const bool is_new = store_.sets().put(set);
+  follow_sets();
+  return is_new;
+}
+
+bool MapCatalog::remove_set(std::string_view name) {
+  const std::scoped_lock what_was_read_holds(follow_mutex_);
+  const bool was_there = store_.sets().remove(name);
+  follow_sets();
+  return was_there;
+}
+
+void MapCatalog::follow_sets() {
+  std::vector<MapSet> now = store_.state().sets().list();
+  const std::scoped_lock lock(mutex_);
+  sets_ = std::move(now);
+}
+
 bool MapCatalog::in_one_frame(const ServedVersion& a, const ServedVersion& b) const {
   return facts_.frame_of(a.map, a.package->digest()) == facts_.frame_of(b.map, b.package->digest());
 }
@@ -325,6 +358,7 @@ void MapCatalog::follow_store() {
   }
   for (const auto& [name, map] : wanted) follow(map);
   follow_rollouts();
+  follow_sets();
   notice_replaced();
   notice_trust();
   forget_unused();

@@ -8,9 +8,12 @@
 
 #include <Eigen/Geometry>
 
+#include <algorithm>
+#include <cmath>
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
+#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -36,13 +39,34 @@ class SeenFrom {
  public:
   /// @throws maps::InputError, maps::StorageError: the package may have been removed meanwhile.
   [[nodiscard]] const std::vector<Eigen::Isometry3d>& poses(const maps::MapPackage& map) {
-    std::call_once(once_, [&] { T_map_lidar_ = localization::seen_from(map); });
+    read(map);
     return T_map_lidar_;
+  }
+  /// Distance from a place to the nearest of them [m], to half a metre; infinite without any.
+  /// @throws as `poses`.
+  [[nodiscard]] double distance_m(const maps::MapPackage& map, const Eigen::Vector3d& p_map) {
+    read(map);
+    double nearest_m2 = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& place : p_map_places_)
+      nearest_m2 = std::min(nearest_m2, (place - p_map).squaredNorm());
+    return std::sqrt(nearest_m2);
   }
 
  private:
+  void read(const maps::MapPackage& map) {
+    constexpr double kApartM = 0.5;
+    std::call_once(once_, [&] {
+      T_map_lidar_ = localization::seen_from(map);
+      for (const Eigen::Isometry3d& T : T_map_lidar_)
+        if (p_map_places_.empty() || (T.translation() - p_map_places_.back()).norm() > kApartM)
+          p_map_places_.push_back(T.translation());
+    });
+  }
+
   std::once_flag once_;
   std::vector<Eigen::Isometry3d> T_map_lidar_;
+  /// Without those where the vehicle stood.
+  std::vector<Eigen::Vector3d> p_map_places_;
 };
 
 /// One version of a map as requests see it. Its tiles stay usable while it is held, whatever
@@ -142,6 +166,12 @@ class MapCatalog {
   [[nodiscard]] std::optional<Rollout> rollout(std::string_view map) const;
   /// Sorted by map.
   [[nodiscard]] std::vector<Rollout> rollouts() const;
+  /// Sorted by name, as the store had them a second ago, or when it was reached last.
+  [[nodiscard]] std::vector<MapSet> sets() const;
+  [[nodiscard]] std::optional<MapSet> set(std::string_view name) const;
+  /// As `SetTable::put` and `remove`; what the catalogue knows follows at once.
+  bool put_set(const MapSet& set);
+  bool remove_set(std::string_view name);
   /// Why no trusted key has signed a version; empty when one has, when none needs to, and for a
   /// version that is gone.
   [[nodiscard]] std::string distrust_of(std::string_view map, std::string_view version) const;
@@ -176,6 +206,7 @@ class MapCatalog {
   void follow(const StoredMap& stored);
   void require_revision(const ServedVersion& served, std::int64_t seen_revision);
   void follow_rollouts();
+  void follow_sets();
   void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
   void notice_replaced();
   void notice_trust();
@@ -207,6 +238,7 @@ class MapCatalog {
   std::map<Key, Slot> slots_;
   std::map<std::string, Active, std::less<>> active_;
   std::map<std::string, Rollout, std::less<>> rollouts_;
+  std::vector<MapSet> sets_;
   std::jthread thread_;  // last: it uses all of the above
 };
 

@@ -27,6 +27,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kUnknownKey, "UnknownKey", "No such key", 404},
     ErrorInfo{ErrorCode::kUnknownSession, "UnknownSession", "No such session, or it has ended",
               404},
+    ErrorInfo{ErrorCode::kUnknownSet, "UnknownSet", "No set of maps of this name", 404},
     ErrorInfo{ErrorCode::kMethodNotAllowed, "MethodNotAllowed", "Wrong method for this path", 405},
     ErrorInfo{ErrorCode::kNotAcceptable, "NotAcceptable", "The answer has no such form", 406},
     ErrorInfo{ErrorCode::kNoActiveVersion, "NoActiveVersion", "No version of the map is active",

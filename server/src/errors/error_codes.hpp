@@ -28,6 +28,7 @@ enum class ErrorCode {
   kUnknownJob,
   kUnknownKey,
   kUnknownSession,
+  kUnknownSet,
   kMethodNotAllowed,
   kNotAcceptable,
   kNoActiveVersion,

@@ -84,6 +84,7 @@ void add_batch_routes(std::vector<Route>& routes, const Context& context);
 void add_session_routes(std::vector<Route>& routes, const Context& context);
 void add_sealed_session_routes(std::vector<Route>& routes, const Context& context);
 void add_rollout_routes(std::vector<Route>& routes, const Context& context);
+void add_set_routes(std::vector<Route>& routes, const Context& context);
 void add_stats_routes(std::vector<Route>& routes, const Context& context);
 void add_openapi_routes(std::vector<Route>& routes);
 

@@ -2,6 +2,7 @@
 
 #include "errors/api_error.hpp"
 #include "pose/pose_checks.hpp"
+#include "store/map_name.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -17,19 +18,22 @@ namespace {
 
 using Values = std::map<std::string, std::string, std::less<>>;
 
-constexpr std::array<std::string_view, 8> kQueryNames = {"stamp_ns", "deadline_ms",    "prior_t",
-                                                         "prior_q",  "prior_sigma",    "gnss",
-                                                         "method",   kVehicleParameter};
+/// The last one for sets alone.
+constexpr std::array<std::string_view, 9> kQueryNames = {
+    "stamp_ns", "deadline_ms", "prior_t",         "prior_q",    "prior_sigma",
+    "gnss",     "method",      kVehicleParameter, kSetParameter};
 constexpr std::array<std::string_view, 6> kSessionNames = {
     "stamp_ns", "deadline_ms", "odom_since_ns", "odom_t", "odom_q", "odom_sigma"};
-constexpr std::array<std::string_view, 11> kSealedNames = {
-    "stamp_ns", "deadline_ms", "odom_since_ns", "odom_t", "odom_q",         "odom_sigma",
-    "prior_t",  "prior_q",     "prior_sigma",   "gnss",   kVehicleParameter};
+constexpr std::array<std::string_view, 12> kSealedNames = {
+    "stamp_ns", "deadline_ms", "odom_since_ns", "odom_t", "odom_q",          "odom_sigma",
+    "prior_t",  "prior_q",     "prior_sigma",   "gnss",   kVehicleParameter, kSetParameter};
 
 std::span<const std::string_view> names_of(ScanPurpose purpose) {
   if (purpose == ScanPurpose::kSession) return kSessionNames;
-  if (purpose == ScanPurpose::kSealed) return kSealedNames;
-  return kQueryNames;
+  const bool is_sealed = purpose == ScanPurpose::kSealed || purpose == ScanPurpose::kSetSealed;
+  const std::span<const std::string_view> all =
+      is_sealed ? std::span<const std::string_view>(kSealedNames) : kQueryNames;
+  return has_set(purpose) ? all : all.first(all.size() - 1);
 }
 
 Values unique_values(const std::vector<std::pair<std::string, std::string>>& query,
@@ -179,6 +183,19 @@ std::string read_vehicle(const std::vector<std::pair<std::string, std::string>>&
     label = value;
   }
   return label;
+}
+
+std::string read_set(const std::vector<std::pair<std::string, std::string>>& query) {
+  std::string set;
+  for (const auto& [name, value] : query) {
+    if (name != kSetParameter) continue;
+    if (!set.empty()) throw field_error(ErrorCode::kInvalidRequest, name, "it twice", "it once");
+    if (!is_valid_map_name(value))
+      throw field_error(ErrorCode::kInvalidRequest, name, "'" + value + "'",
+                        "[a-z0-9][a-z0-9._-]{0,62}");
+    set = value;
+  }
+  return set;
 }
 
 void require_vehicle_alone(const std::vector<std::pair<std::string, std::string>>& query,

@@ -24,6 +24,15 @@ inline constexpr std::string_view kVehicleParameter = "vehicle";
 /// The label of the vehicle that asks; empty when none is told. @throws ApiError kInvalidRequest.
 [[nodiscard]] std::string read_vehicle(
     const std::vector<std::pair<std::string, std::string>>& query);
+/// Name of the parameter that says in which set of maps a scan is, in the query for the same
+/// reason.
+inline constexpr std::string_view kSetParameter = "set";
+/// Whether requests for this have it.
+[[nodiscard]] constexpr bool has_set(ScanPurpose purpose) {
+  return purpose == ScanPurpose::kSetQuery || purpose == ScanPurpose::kSetSealed;
+}
+/// Empty when none is named. @throws ApiError kInvalidRequest.
+[[nodiscard]] std::string read_set(const std::vector<std::pair<std::string, std::string>>& query);
 /// For bodies with their parameters inside. @throws ApiError kUnknownParameter for any other
 /// parameter than `vehicle`. @param expected  such as "no other query".
 void require_vehicle_alone(const std::vector<std::pair<std::string, std::string>>& query,

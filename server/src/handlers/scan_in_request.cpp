@@ -109,6 +109,14 @@ ScanInBody find_in_multipart(const HttpRequest& request, const ServerOptions& op
 
 void refuse_query(const HttpRequest& request, ScanPurpose purpose) {
   constexpr const char* kWhy = "with this content type the parameters stand in the JSON";
+  if (has_set(purpose)) {
+    for (const auto& [name, value] : request.query)
+      if (name != kVehicleParameter && name != kSetParameter)
+        throw field_error(
+            ErrorCode::kUnknownParameter, "query", "'" + name + "'",
+            fmt::format("'{}' and '{}' alone: {}", kVehicleParameter, kSetParameter, kWhy));
+    return;
+  }
   if (purpose == ScanPurpose::kQuery || purpose == ScanPurpose::kSealed)
     return require_vehicle_alone(request.query,
                                  fmt::format("'{}' alone: {}", kVehicleParameter, kWhy));
@@ -135,7 +143,8 @@ ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
             .bytes = request.body,
             .parameters = read_flat_parameters(request.query, type == kRaw, purpose)};
   }
-  if (type == "application/json" && purpose == ScanPurpose::kQuery) {
+  const bool is_query = purpose == ScanPurpose::kQuery || purpose == ScanPurpose::kSetQuery;
+  if (type == "application/json" && is_query) {
     refuse_query(request, purpose);
     return {.kind = ScanInBody::Kind::kJson, .bytes = request.body, .parameters = {}};
   }
@@ -145,7 +154,7 @@ ScanInBody find_scan(const HttpRequest& request, const ServerOptions& options,
   }
   throw field_error(ErrorCode::kUnsupportedMediaType, "Content-Type", "'" + type + "'",
                     fmt::format("{}, {}, {}{} or multipart/form-data", kRaw, kPcd, kThin,
-                                purpose == ScanPurpose::kQuery ? ", application/json" : ""));
+                                is_query ? ", application/json" : ""));
 }
 
 PoseRequest decode_scan(ScanInBody&& from, const ServerOptions& options,

@@ -1,8 +1,10 @@
 #include "errors/api_error.hpp"
 #include "handlers/flat_parameters.hpp"
 #include "handlers/session_scan.hpp"
+#include "handlers/set_maps.hpp"
 #include "pose_response.hpp"
 #include "sealing/session_seals.hpp"
+#include "security/map_limits.hpp"
 
 #include <stillmap/maps/error.hpp>
 
@@ -10,8 +12,10 @@
 
 #include "store/store_refusal.hpp"
 
+#include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 /// Sessions whose state travels with the vehicle: any server of the store goes on with any of them.
 namespace stillmap::server {
@@ -19,8 +23,21 @@ namespace {
 
 constexpr const char* kSealHeader = "Stillmap-Seal";
 
-SealOwner owner_of(const HttpRequest& request, const PathParameters& path) {
-  return {.key_id = request.caller.key_id, .map = path.at("map")};
+/// What a request is for: a map of the path, or a set.
+struct SealedScope {
+  const PathParameters& path;
+  std::optional<MapSet> set;
+};
+
+SealedScope scope_of(const Context& context, const HttpRequest& request,
+                     const PathParameters& path) {
+  if (path.contains("map")) return {path, std::nullopt};
+  return {path, wanted_set(context, read_set(request.query))};
+}
+
+SealOwner owner_of(const HttpRequest& request, const SealedScope& scope) {
+  return {.key_id = request.caller.key_id,
+          .map = scope.set ? "set/" + scope.set->name : scope.path.at("map")};
 }
 
 std::string hex_of(const std::string& id) {
@@ -34,6 +51,8 @@ struct SealedStart {
   SealedSession session;
   ServedVersion map;
   bool is_new = true;
+  /// Empty without one.
+  SetOfRequest set{};
 };
 
 [[noreturn]] void refuse_version(const SealedSession& session, const std::string& why) {
@@ -86,35 +105,46 @@ void require_same(const HttpRequest& request, const PathParameters& path,
   if (!vehicle.empty()) require(kVehicleParameter, vehicle, session.vehicle);
 }
 
+void require_member(const MapSet& set, const Caller& caller, const SealedSession& session) {
+  require_map(caller, session.map);
+  for (const MapSet::Member& member : set.maps)
+    if (member.map == session.map) return;
+  refuse_version(session, "of map '" + session.map + "', which the set no longer has");
+}
+
 /// @throws ApiError for a seal that nothing goes on from, and as `MapCatalog::ready`.
-SealedStart start_of(const Context& context, const HttpRequest& request,
-                     const PathParameters& path) {
+SealedStart start_of(const Context& context, const HttpRequest& request, const SealedScope& scope) {
   const std::string text = request.header("stillmap-seal");
-  const std::string& map = path.at("map");
   SealedStart start;
-  if (text.empty()) {
-    start.map = ready_version(context, request, path);
+  start.is_new = text.empty();
+  if (!start.is_new) {
+    start.session = context.seals.open(text, owner_of(request, scope));
+    require_same(request, scope.path, start.session);
+  }
+  const std::string vehicle = start.is_new ? read_vehicle(request.query) : start.session.vehicle;
+  if (scope.set) start.set = maps_of(context, request.caller, *scope.set, vehicle);
+  if (start.is_new) {
+    // In a set its first scan tells which.
+    start.map =
+        scope.set ? start.set.maps.front().map : ready_version(context, request, scope.path);
     start.session = context.seals.begin();
     start.session.version = start.map.version;
-    start.session.digest = start.map.package->digest();
-    start.session.vehicle = read_vehicle(request.query);
-    start.session.version_was_named = version_in(path).has_value();
+    start.session.vehicle = vehicle;
+    start.session.version_was_named = version_in(scope.path).has_value();
     start.session.is_rolled_out =
         !start.session.version_was_named && is_rolled_out(context.catalog, start.map);
     return start;
   }
-  start.is_new = false;
-  start.session = context.seals.open(text, owner_of(request, path));
-  require_same(request, path, start.session);
+  if (scope.set) require_member(*scope.set, request.caller, start.session);
+  const std::string& map = scope.set ? start.session.map : scope.path.at("map");
   if (const std::string why = context.catalog.distrust_of(map, start.session.version); !why.empty())
     throw ApiError(ErrorCode::kNotSigned, why);
   start.map = sealed_version(context, map, start.session);
   return start;
 }
 
-/// The place to begin at. @throws ApiError for one that a session cannot begin at.
-std::optional<localization::Prior> prior_of(const SealedStart& start,
-                                            const PoseParameters& parameters) {
+/// @throws ApiError for a place that a session cannot begin at.
+void check_place(const SealedStart& start, const PoseParameters& parameters) {
   if (!start.is_new && (parameters.prior || parameters.gnss))
     throw field_error(ErrorCode::kInvalidRequest, parameters.prior ? "prior" : "gnss",
                       "a place beside a seal", "one of the two: leave out the seal to begin anew");
@@ -122,13 +152,13 @@ std::optional<localization::Prior> prior_of(const SealedStart& start,
     throw field_error(
         ErrorCode::kInvalidPrior, "prior.covariance", "nothing",
         "36 numbers, or prior_sigma: a session weighs the prior against what follows");
-  return prior_in(start.map, parameters.prior, parameters.gnss);
 }
 
 localization::Tracker tracker_of(const SealedStart& start) {
   const auto& aligner = start.map.aligners->front().second;
   const localization::TrackerOptions& options = start.map.localization.tracker;
-  if (start.is_new) return localization::Tracker(aligner, options);
+  // Without a state where a scan fitted in two maps alike.
+  if (start.is_new || start.session.tracker.empty()) return localization::Tracker(aligner, options);
   try {
     return localization::Tracker::restored(aligner, options, start.session.tracker);
   } catch (const maps::InputError&) {
@@ -146,76 +176,121 @@ void require_newer(const localization::Tracker& tracker, std::int64_t stamp_ns) 
                                 *newest_ns));
 }
 
+/// The vehicle as it is before the scan. @param parameters  get the prior in the map, where the map
+/// is known before the scan is matched.
+SetVehicle vehicle_of(const SealedStart& start, PoseParameters& parameters) {
+  SetVehicle vehicle{.map = start.map,
+                     .tracker = tracker_of(start),
+                     .is_rolled_out = start.session.is_rolled_out,
+                     .begin = {}};
+  require_newer(vehicle.tracker, *parameters.stamp_ns);
+  if (!start.is_new) return vehicle;
+  if (!start.set.maps.empty()) {
+    vehicle.begin = PlaceInSet{parameters.prior, parameters.gnss};
+    parameters.prior.reset();
+    return vehicle;
+  }
+  parameters.prior = prior_in(start.map, parameters.prior, parameters.gnss);
+  if (const auto& prior = parameters.prior)
+    vehicle.tracker.initialize(prior->T_map_lidar, prior->covariance.value());
+  return vehicle;
+}
+
+/// Where the vehicle is after the scan, for the seal.
+void note(SealedSession& session, const SetVehicle& vehicle, bool in_set) {
+  if (in_set) session.map = vehicle.map.map;
+  session.version = vehicle.map.version;
+  session.digest = vehicle.map.package->digest();
+  session.is_rolled_out = vehicle.is_rolled_out;
+  session.tracker = vehicle.tracker.newest_ns() ? vehicle.tracker.state() : "";
+}
+
 HttpResponse answer_next(const Context& context, const HttpRequest& request,
-                         const PathParameters& path) {
-  SealedStart start = start_of(context, request, path);
-  const ServedVersion& map = start.map;
+                         const SealedScope& scope) {
+  SealedStart start = start_of(context, request, scope);
+  const bool in_set = scope.set.has_value();
   SealedSession& session = start.session;
-  const PoseForms forms = pose_forms(request, map);
-  ScanInBody found = find_session_scan(request, context.options, ScanPurpose::kSealed);
-  const auto prior = prior_of(start, found.parameters);
-  found.parameters.prior = prior;
-  localization::Tracker tracker = tracker_of(start);
-  require_newer(tracker, *found.parameters.stamp_ns);
-  if (prior) tracker.initialize(prior->T_map_lidar, prior->covariance.value());
-  PoseAnswer answer = answer_for(map, request);
-  const std::string now = require_rollout(context, map.map, session);
-  if (now != session.version) answer.other_version = now;
+  const PoseForms forms = pose_forms(request, start.map);
+  ScanInBody found = find_session_scan(request, context.options,
+                                       in_set ? ScanPurpose::kSetSealed : ScanPurpose::kSealed);
+  check_place(start, found.parameters);
+  const bool is_placed = found.parameters.prior || found.parameters.gnss;
+  SetVehicle vehicle = vehicle_of(start, found.parameters);
+  const std::string before = vehicle.map.map;
+  const std::string now = require_rollout(context, before, session);
+  vehicle.is_rolled_out = session.is_rolled_out;
+  const std::vector<SetMap> maps = maps_like(start.set.maps, vehicle.map);
+  PoseAnswer answer = answer_for(start.map, request);
   answer.vehicle = session.vehicle;
   answer.version_was_named = session.version_was_named;
   const PoseClock::time_point deadline = deadline_of(context, request, found.parameters.deadline);
   {
-    const WorkKind kind = start.is_new && !prior ? WorkKind::kEverywhere : WorkKind::kNearPrior;
+    const WorkKind kind = start.is_new && !is_placed ? WorkKind::kEverywhere : WorkKind::kNearPrior;
     AlignmentQueue::Ticket ticket =
         context.queue.enter(reservation_of(request), {.kind = kind, .deadline = deadline});
     track_session_scan(
         context, request, std::move(found),
-        {.thin = [&](const localization::ScanView& all) { return tracker.thin(all); },
+        {.thin = [&](const localization::ScanView& all) { return vehicle.tracker.thin(all); },
          .track =
              [&](std::int64_t stamp_ns, const localization::ThinScan& scan, const auto& odometry) {
-               return tracker.track_thin(stamp_ns, scan, odometry);
+               SetTrackedPose tracked = track_in_set(vehicle, maps, stamp_ns, scan, odometry,
+                                                     [&] { require_wanted(request, deadline); });
+               set_map(answer, start.set, vehicle.map);
+               return tracked;
              },
          .deadline = deadline},
         ticket, answer);
   }
   check_deadline(deadline);
   answer.session = hex_of(session.id);
-  session.tracker = tracker.state();
+  note(session, vehicle, in_set);
+  if (vehicle.map.map == before && now != session.version) answer.other_version = now;
   const std::string next =
-      context.seals.next(std::move(session), owner_of(request, path), answer.is_replay);
+      context.seals.next(std::move(session), owner_of(request, scope), answer.is_replay);
   context.metrics.sealed_scan(start.is_new ? "begun" : answer.is_replay ? "replayed" : "continued");
   count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
   finish_answer(context, request, answer);
-  HttpResponse response = pose_response(answer, forms, map);
+  HttpResponse response = pose_response(answer, forms, vehicle.map);
   response.headers.emplace_back(kSealHeader, next);
-  add_revision(response, map);
+  if (!in_set) add_revision(response, start.map);
   return response;
 }
 
 }  // namespace
 
 void add_sealed_session_routes(std::vector<Route>& routes, const Context& context) {
+  const auto reserve = [&context](const HttpRequest& request, const PathParameters& path) {
+    const SealedScope scope = scope_of(context, request, path);
+    // A seal that cannot be used is refused before its scan is read.
+    if (!request.header("stillmap-seal").empty())
+      (void)context.seals.open(request.header("stillmap-seal"), owner_of(request, scope));
+    else if (!scope.set)
+      require_ready(context, request, path);
+    return reserve_room(context, request, WorkKind::kNearPrior, 1);
+  };
   for (const char* pattern :
        {"/v1/maps/{map}/localize/next", "/v1/maps/{map}/versions/{version}/localize/next"}) {
     Route route{"POST", pattern,
                 [&context](const HttpRequest& request, const PathParameters& path) {
-                  return counting_refusals(context, path.at("map"),
-                                           [&] { return answer_next(context, request, path); });
+                  return counting_refusals(context, path.at("map"), [&] {
+                    return answer_next(context, request, scope_of(context, request, path));
+                  });
                 },
                 Access::kLocalize, BodyKind::kWhole};
-    route.reserve = [&context](const HttpRequest& request, const PathParameters& path) {
-      return counting_refusals(context, path.at("map"), [&] {
-        // A seal that cannot be used is refused before its scan is read.
-        if (request.header("stillmap-seal").empty())
-          require_ready(context, request, path);
-        else
-          (void)context.seals.open(request.header("stillmap-seal"), owner_of(request, path));
-        return reserve_room(context, request, WorkKind::kNearPrior, 1);
-      });
+    route.reserve = [&context, reserve](const HttpRequest& request, const PathParameters& path) {
+      return counting_refusals(context, path.at("map"), [&] { return reserve(request, path); });
     };
     routes.push_back(std::move(route));
   }
+  Route in_set{"POST", "/v1/localize/next",
+               [&context](const HttpRequest& request, const PathParameters& path) {
+                 return answer_next(context, request, scope_of(context, request, path));
+               },
+               Access::kLocalize, BodyKind::kWhole};
+  in_set.reserve = reserve;
+  in_set.limits_maps = true;
+  routes.push_back(std::move(in_set));
 }
 
 }  // namespace stillmap::server

@@ -2,6 +2,7 @@
 
 #include "handlers/pose_handling.hpp"
 #include "handlers/scan_in_request.hpp"
+#include "handlers/set_maps.hpp"
 
 #include <functional>
 #include <optional>
@@ -19,8 +20,8 @@ namespace stillmap::server {
 /// A tracker, as a scan needs it, and until when.
 struct ScanTracking {
   Thinner thin;
-  std::function<localization::TrackedPose(std::int64_t stamp_ns, const localization::ThinScan&,
-                                          const std::optional<localization::OdometryStep>&)>
+  std::function<SetTrackedPose(std::int64_t stamp_ns, const localization::ThinScan&,
+                               const std::optional<localization::OdometryStep>&)>
       track;
   PoseClock::time_point deadline;
 };

@@ -38,8 +38,9 @@ class SessionStream final : public EventSource {
   /// the catalogue.
   static void note_version(Session& session, const MapCatalog& catalog) {
     const std::string vehicle = session.version_was_named() ? "" : session.vehicle();
-    if (const auto version = version_now(catalog, session.map().map, vehicle))
-      session.note_active_version(*version);
+    const std::string map = session.map().map;
+    if (const auto version = version_now(catalog, map, vehicle))
+      session.note_active_version(map, *version);
   }
 
  private:
@@ -54,9 +55,34 @@ std::shared_ptr<Session> find_session(const Context& context, const HttpRequest&
   return context.sessions.find(path.at("session"), request.caller.key_id);
 }
 
+HttpResponse opened(const Context& context, const Session& session) {
+  HttpResponse response = json_response(session_json(session, context.sessions.limits().idle), 201);
+  response.headers.emplace_back("Location", "/v1/sessions/" + session.id());
+  if (session.set().empty()) add_revision(response, session.map());
+  return response;
+}
+
+/// In the map of the set that is nearest to its place; its first scan may find it in another one.
+HttpResponse open_in_set(const Context& context, const HttpRequest& request,
+                         const SessionRequest& wanted) {
+  const SetOfRequest set =
+      maps_of(context, request.caller, wanted_set(context, wanted.set), wanted.label);
+  const PlaceInSet place{wanted.prior, wanted.gnss};
+  const SetMap& first = *candidates_in(set, place).maps.front().in;
+  context.vehicles.seen(first.map.map, wanted.label, first.map.version, {}, unix_ns());
+  const std::shared_ptr<Session> session =
+      context.sessions.open(first.map, {.owner = request.caller.key_id,
+                                        .label = wanted.label,
+                                        .is_rolled_out = first.is_rolled_out,
+                                        .set = set.name});
+  session->initialize(place);
+  return opened(context, *session);
+}
+
 HttpResponse open_session(const Context& context, const HttpRequest& request) {
   require_json_if_any(request);
   const SessionRequest wanted = read_session_json(request.body, true, context.options);
+  if (wanted.map.empty()) return open_in_set(context, request, wanted);
   require_map(request.caller, wanted.map);
   const bool is_named = !wanted.version.empty();
   ServedVersion map = context.catalog.ready(
@@ -70,12 +96,17 @@ HttpResponse open_session(const Context& context, const HttpRequest& request) {
                                              .label = wanted.label,
                                              .version_was_named = is_named,
                                              .is_rolled_out = came_with_rollout});
-  if (prior) session->initialize(prior);
-  HttpResponse response =
-      json_response(session_json(*session, context.sessions.limits().idle), 201);
-  response.headers.emplace_back("Location", "/v1/sessions/" + session->id());
-  add_revision(response, session->map());
-  return response;
+  if (prior) session->initialize({.prior = prior, .gnss = {}});
+  return opened(context, *session);
+}
+
+/// Of a session in a set those that it may go on in, which are none when the set is gone.
+SetOfRequest maps_of(const Context& context, const Session& session, const Caller& caller) {
+  const auto set = session.set().empty() ? std::nullopt : context.catalog.set(session.set());
+  if (!set) return {};
+  SetOfRequest found = maps_of(context, caller, *set, session.vehicle());
+  found.maps = maps_like(found.maps, session.map());
+  return found;
 }
 
 HttpResponse initialize_session(const Context& context, const HttpRequest& request,
@@ -83,7 +114,10 @@ HttpResponse initialize_session(const Context& context, const HttpRequest& reque
   require_json_if_any(request);
   const std::shared_ptr<Session> session = find_session(context, request, path);
   const SessionRequest wanted = read_session_json(request.body, false, context.options);
-  session->initialize(prior_in(session->map(), wanted.prior, wanted.gnss));
+  if (session->set().empty())
+    session->initialize({.prior = prior_in(session->map(), wanted.prior, wanted.gnss), .gnss = {}});
+  else
+    session->initialize({.prior = wanted.prior, .gnss = wanted.gnss});
   return json_response(session_json(*session, context.sessions.limits().idle));
 }
 
@@ -101,16 +135,16 @@ AlignmentQueue::Ticket enter(const Context& context, const HttpRequest& request,
 /// Else a vehicle would stay in a version that was halted, or that nobody trusts any more, as long
 /// as it drives.
 void require_version(const Context& context, const std::shared_ptr<Session>& session) {
-  const std::string& map = session->map().map;
-  if (const std::string why = context.catalog.distrust_of(map, session->map().version);
-      !why.empty())
+  const ServedVersion served = session->map();
+  const std::string& map = served.map;
+  if (const std::string why = context.catalog.distrust_of(map, served.version); !why.empty())
     throw ApiError(ErrorCode::kNotSigned, why);
   const auto version = version_now(context.catalog, map, session->vehicle());
   const auto active = version_now(context.catalog, map, {});
-  if (!version || !active || !session->lost_its_version(*version, *active)) return;
+  if (!version || !active || !session->lost_its_version(map, *version, *active)) return;
   context.sessions.close(session->id(), session->owner(), "rolled_back");
   throw ApiError(ErrorCode::kUnknownSession,
-                 "the roll-out of version '" + session->map().version + "' of map '" + map +
+                 "the roll-out of version '" + served.version + "' of map '" + map +
                      "' has ended for this vehicle, and the session with it: open another one");
 }
 
@@ -122,7 +156,9 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
   ScanInBody found = find_session_scan(request, context.options, ScanPurpose::kSession);
   const std::int64_t stamp_ns = *found.parameters.stamp_ns;
   const PoseClock::time_point deadline = deadline_of(context, request, found.parameters.deadline);
-  PoseAnswer answer = answer_for(session->map(), request);
+  ServedVersion map = session->map();
+  const SetOfRequest set = maps_of(context, *session, request.caller);
+  PoseAnswer answer = answer_for(map, request);
   answer.vehicle = session->vehicle();
   answer.version_was_named = session->version_was_named();
   {
@@ -133,8 +169,16 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
     track_session_scan(
         context, request, std::move(found),
         {.thin = [&](const localization::ScanView& all) { return session->thin(all); },
-         .track = [&](std::int64_t stamp, const localization::ThinScan& scan_lidar,
-                      const auto& odometry) { return session->track(stamp, scan_lidar, odometry); },
+         .track =
+             [&](std::int64_t stamp, const localization::ThinScan& scan_lidar,
+                 const auto& odometry) {
+               Session::Tracked tracked =
+                   session->track(stamp, scan_lidar, odometry, set.maps,
+                                  [&] { require_wanted(request, deadline); });
+               map = tracked.map;
+               set_map(answer, set, map);
+               return tracked.pose;
+             },
          .deadline = deadline},
         ticket, answer);
   }
@@ -144,7 +188,7 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
   count_answer(context, answer, answer.parameters.method);
   note_clock_skew(context, answer);
   finish_answer(context, request, answer);
-  return pose_response(answer, forms, session->map());
+  return pose_response(answer, forms, map);
 }
 
 HttpResponse stream_events(const Context& context, const HttpRequest& request,

@@ -174,6 +174,12 @@ void Metrics::scan_superseded() { parts_->counter(Metric::kSuperseded).Increment
 void Metrics::sealed_scan(std::string_view result) {
   parts_->counter(Metric::kSealedScans, {result}).Increment();
 }
+void Metrics::set_map_chosen(std::string_view map, std::string_view by) {
+  parts_->counter(Metric::kSetChoices, {parts_->map_label(map), by}).Increment();
+}
+void Metrics::handed_over(std::string_view map) {
+  parts_->counter(Metric::kHandOvers, {parts_->map_label(map)}).Increment();
+}
 void Metrics::set_workers(std::size_t busy, std::size_t stuck, std::size_t all) {
   parts_->gauge(Metric::kWorkersStuck).Set(static_cast<double>(stuck));
   parts_->gauge(Metric::kWorkersBusy).Set(static_cast<double>(busy));

@@ -63,6 +63,10 @@ class Metrics {
   void scan_superseded();
   /// @param result  `begun`, `continued` or `replayed`.
   void sealed_scan(std::string_view result);
+  /// @param map  in which the pose is. @param by  `prior`, `gnss` or `nothing`.
+  void set_map_chosen(std::string_view map, std::string_view by);
+  /// @param map  in which the vehicle goes on.
+  void handed_over(std::string_view map);
   void set_workers(std::size_t busy, std::size_t stuck, std::size_t all);
   void set_queue(std::size_t waiting, std::size_t places);
   void set_sessions(std::size_t open);

@@ -30,6 +30,8 @@ enum class Metric : std::size_t {
   kSuperseded,
   kSessions,
   kSealedScans,
+  kSetChoices,
+  kHandOvers,
   kMaps,
   kMapLoadSeconds,
   kMapLoadFailures,
@@ -88,6 +90,11 @@ inline constexpr std::array kMetricTable = {
     MetricInfo{"stillmap_sealed_scans_total", "counter", "result",
                "Scans of sealed sessions: begun (without a seal), continued, replayed (a seal that "
                "was used before)."},
+    MetricInfo{
+        "stillmap_set_choices_total", "counter", "map,by",
+        "Maps chosen for requests that name none, by prior, gnss or nothing; the map chosen."},
+    MetricInfo{"stillmap_hand_overs_total", "counter", "map",
+               "Vehicles that went on in a neighbour of their map: that neighbour."},
     MetricInfo{"stillmap_maps", "gauge", "state", "Maps by state: ready, loading, failed."},
     MetricInfo{"stillmap_map_load_seconds", "gauge", "map", "Duration of a map's last load."},
     MetricInfo{"stillmap_map_load_failures_total", "counter", "map", "Loads that failed."},

@@ -36,6 +36,11 @@ struct PoseAnswer {
   /// version that the vehicle would get now, where that is another one.
   bool is_replay = false;
   std::string other_version{};
+  /// In a set: its name, which is empty for all maps with a place on the Earth; where the map lies
+  /// in it; and the map in which the vehicle was followed until this scan, if that was another one.
+  std::string set{};
+  std::optional<Eigen::Isometry3d> T_set_map{};
+  std::string handed_over_from{};
   struct Timing {
     /// For a worker.
     double wait_ms = 0.0;

@@ -34,6 +34,8 @@ enum class ScanPurpose {
   kBatchItem,  ///< one of several, which share a deadline
   kSession,    ///< the next scan of a session
   kSealed,     ///< the same of a sealed one, or its first scan, which may have a prior
+  kSetQuery,   ///< as kQuery, in a set of maps, which the query may name
+  kSetSealed,  ///< as kSealed, in a set of maps
 };
 
 /// Everything a pose request says besides the scan.

@@ -26,6 +26,14 @@ std::string version_event_json(const std::string& map, const std::string& versio
   return to_text(Json{{"map", map}, {"version", version}});
 }
 
+std::string handed_over_event_json(const std::string& from, const ServedVersion& map,
+                                   std::int64_t stamp_ns) {
+  return to_text(Json{{"from_map", from},
+                      {"map", map.map},
+                      {"version", map.version},
+                      {"stamp_ns", std::to_string(stamp_ns)}});
+}
+
 std::string closed_event_json(const std::string& reason) {
   return to_text(Json{{"reason", reason}});
 }
@@ -35,18 +43,46 @@ std::string closed_event_json(const std::string& reason) {
 Session::Session(Name name, ServedVersion map, AlignmentQueue& queue)
     : name_(std::move(name)),
       shown_label_(shown_label(name_)),
-      map_(std::move(map)),
       line_(queue),
-      tracker_(map_.aligners->front().second, map_.localization.tracker) {
+      vehicle_{
+          .map = map,
+          .tracker = localization::Tracker(map.aligners->front().second, map.localization.tracker),
+          .is_rolled_out = name_.is_rolled_out,
+          .begin = {}},
+      map_(std::move(map)) {
   summary_.active_version = map_.version;
 }
 
-localization::TrackedPose Session::track(
-    std::int64_t stamp_ns, const localization::ThinScan& scan_lidar,
-    const std::optional<localization::OdometryStep>& odometry) {
-  const std::scoped_lock tracking(tracker_mutex_);
-  localization::TrackedPose pose = tracker_.track_thin(stamp_ns, scan_lidar, odometry);
+ServedVersion Session::map() const {
   const std::scoped_lock lock(mutex_);
+  return map_;
+}
+
+Session::Tracked Session::track(std::int64_t stamp_ns, const localization::ThinScan& scan_lidar,
+                                const std::optional<localization::OdometryStep>& odometry,
+                                std::span<const SetMap> maps,
+                                const std::function<void()>& require_wanted) {
+  const std::scoped_lock tracking(tracker_mutex_);
+  Tracked tracked{
+      .pose = track_in_set(vehicle_, maps, stamp_ns, scan_lidar, odometry, require_wanted),
+      .map = vehicle_.map};
+  const std::scoped_lock lock(mutex_);
+  if (map_.map != tracked.map.map) {
+    map_ = tracked.map;
+    name_.is_rolled_out = vehicle_.is_rolled_out;
+    summary_.active_version = map_.version;
+  }
+  note(tracked);
+  return tracked;
+}
+
+/// Under the lock.
+void Session::note(const Tracked& tracked) {
+  const localization::TrackedPose& pose = tracked.pose.pose;
+  const std::int64_t stamp_ns = pose.stamp_ns;
+  if (!tracked.pose.handed_over_from.empty())
+    events_.add("handed_over",
+                handed_over_event_json(tracked.pose.handed_over_from, tracked.map, stamp_ns));
   ++summary_.scans;
   const auto& reasons = pose.result.reasons;
   // What was newest then was of another clock. Sent once more, a scan has the same answer.
@@ -57,7 +93,7 @@ localization::TrackedPose Session::track(
     summary_.stamp_ns.reset();
   }
   // A late scan says nothing of where the vehicle is now.
-  if (summary_.stamp_ns && *summary_.stamp_ns >= stamp_ns) return pose;
+  if (summary_.stamp_ns && *summary_.stamp_ns >= stamp_ns) return;
   summary_.stamp_ns = stamp_ns;
   summary_.reasons = pose.result.reasons;
   if (pose.result.status != localization::PoseStatus::kLost) {
@@ -70,16 +106,21 @@ localization::TrackedPose Session::track(
     summary_.status = pose.result.status;
     events_.add("status", status_event_json(pose));
   }
-  return pose;
 }
 
-void Session::initialize(const std::optional<localization::Prior>& prior) {
+void Session::initialize(const PlaceInSet& place) {
   const SessionLine::Pause pause(line_);
   const std::scoped_lock lock(tracker_mutex_);
-  if (prior) {
-    tracker_.initialize(prior->T_map_lidar, prior->covariance.value());
+  const ServedVersion& map = vehicle_.map;
+  vehicle_.begin.reset();
+  const bool is_placed = place.prior || place.gnss;
+  if (is_placed && name_.set.empty()) {
+    vehicle_.tracker.initialize(place.prior->T_map_lidar, place.prior->covariance.value());
   } else {
-    tracker_ = localization::Tracker(map_.aligners->front().second, map_.localization.tracker);
+    vehicle_.tracker =
+        localization::Tracker(map.aligners->front().second, map.localization.tracker);
+    // In which map it is, its first scan tells.
+    if (is_placed) vehicle_.begin = place;
   }
   const std::scoped_lock summary_lock(mutex_);
   // Stamps may start anew, as after a clock was set back.
@@ -90,15 +131,17 @@ void Session::initialize(const std::optional<localization::Prior>& prior) {
   summary_.place.reset();
 }
 
-void Session::note_active_version(const std::string& version) {
+void Session::note_active_version(const std::string& map, const std::string& version) {
   const std::scoped_lock lock(mutex_);
-  if (summary_.active_version == version) return;
+  if (map != map_.map || summary_.active_version == version) return;
   summary_.active_version = version;
   events_.add("version_activated", version_event_json(map_.map, version));
 }
 
-bool Session::lost_its_version(const std::string& version, const std::string& active) {
+bool Session::lost_its_version(const std::string& map, const std::string& version,
+                               const std::string& active) {
   const std::scoped_lock lock(mutex_);
+  if (map != map_.map) return false;
   if (active == map_.version) name_.is_rolled_out = false;
   return name_.is_rolled_out && version != map_.version;
 }

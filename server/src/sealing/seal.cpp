@@ -33,7 +33,7 @@ constexpr std::size_t kHeadBytes =
     1 + SealedSession::kIdBytes + kFreshBytes + kCountBytes + kDigestBytes;
 constexpr std::size_t kNonceBytes = 12;
 /// Of the byte of flags in what is encrypted.
-constexpr unsigned char kNamed = 1, kRolledOut = 2;
+constexpr unsigned char kNamed = 1, kRolledOut = 2, kInSet = 4;
 
 [[noreturn]] void openssl_failed(const char* what) {
   ERR_clear_error();
@@ -156,7 +156,9 @@ std::string plain_bytes(const SealedSession& session) {
   std::string bytes;
   put_number(bytes, static_cast<std::uint64_t>(session.made_ns));
   bytes += static_cast<char>((session.version_was_named ? kNamed : 0) |
-                             (session.is_rolled_out ? kRolledOut : 0));
+                             (session.is_rolled_out ? kRolledOut : 0) |
+                             (session.map.empty() ? 0 : kInSet));
+  if (!session.map.empty()) put_text(bytes, session.map);
   put_text(bytes, session.version);
   put_text(bytes, session.vehicle);
   bytes += session.tracker;
@@ -280,6 +282,7 @@ std::optional<SealedSession> open_seal(std::string_view text, const SealOwner& o
   const unsigned char flags = from.byte();
   session.version_was_named = (flags & kNamed) != 0;
   session.is_rolled_out = (flags & kRolledOut) != 0;
+  if ((flags & kInSet) != 0) session.map = from.text();
   session.version = from.text();
   session.vehicle = from.text();
   session.tracker = from.rest();

@@ -42,7 +42,9 @@ struct SealedSession {
   std::uint64_t count = 0;
   /// By the clock of the server that made it.
   std::int64_t made_ns = 0;
-  /// What it is tracked in. The digest is 64 hex digits.
+  /// What it is tracked in. The map is told in a set only: else the owner tells it. The digest is
+  /// 64 hex digits.
+  std::string map;
   std::string version;
   std::string digest;
   /// As it began: label of the vehicle, whether the version was named, or came with a roll-out.
@@ -57,11 +59,12 @@ struct SealedSession {
 struct SealOwner {
   /// Public id of the API key; empty without keys.
   std::string_view key_id;
-  std::string_view map;
+  /// Of a session in a set "set/" and its name, which no map is called.
+  std::string map;
 };
 
 /// Longest text of a seal.
-inline constexpr std::size_t kMaxSealText = 2328;
+inline constexpr std::size_t kMaxSealText = 2416;
 
 /// Encrypts and authenticates a session (server/decisions/a_key_for_each_seal.md).
 /// @return base64, at most `kMaxSealText`; two seals of the same session differ.

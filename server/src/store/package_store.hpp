@@ -75,6 +75,7 @@ class PackageStore {
   [[nodiscard]] EditsTable& edits() { return state_->edits(); }
   [[nodiscard]] RolloutTable& rollouts() { return state_->rollouts(); }
   [[nodiscard]] SealKeyTable& seal_keys() { return state_->seal_keys(); }
+  [[nodiscard]] SetTable& sets() { return state_->sets(); }
   [[nodiscard]] AuditLog& audit() { return state_->audit(); }
   [[nodiscard]] SignatureTable& signatures() { return state_->signatures(); }
   /// Why what is not needed any more still lies there; empty when it was cleared at opening.

@@ -23,7 +23,7 @@ constexpr std::int64_t kLeastProgram = 9;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`. From the tenth on they are for PostgreSQL too.
-constexpr std::array<const char*, 11> kSteps = {
+constexpr std::array<const char*, 12> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -216,6 +216,20 @@ ALTER TABLE jobs ADD COLUMN beat INTEGER NOT NULL DEFAULT 0;
 CREATE TABLE seal_keys (
   made_ns INTEGER PRIMARY KEY NOT NULL,
   secret TEXT NOT NULL CHECK (length(secret) = 64)
+) STRICT, WITHOUT ROWID;
+)",
+    R"(
+CREATE TABLE map_sets (
+  name TEXT NOT NULL,
+  map TEXT NOT NULL REFERENCES maps (name),
+  x REAL NOT NULL,
+  y REAL NOT NULL,
+  z REAL NOT NULL,
+  qx REAL NOT NULL,
+  qy REAL NOT NULL,
+  qz REAL NOT NULL,
+  qw REAL NOT NULL,
+  PRIMARY KEY (name, map)
 ) STRICT, WITHOUT ROWID;
 )",
 };

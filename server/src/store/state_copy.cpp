@@ -58,6 +58,7 @@ constexpr Table kTables[] = {
     {"rollouts",
      "map, version, share, vehicles, least_answers, most_rise, halted, reason, begun_ns",
      "ttrtiriti"},
+    {"map_sets", "name, map, x, y, z, qx, qy, qz, qw", "ttrrrrrrr"},
 };
 
 void copy_value(const Statement& row, int column, char kind, Statement& into) {

@@ -72,6 +72,10 @@ void refuse_if_in_use(Database& database, std::string_view map) {
                 "SELECT id FROM jobs WHERE map = ? AND status IN ('enqueued', 'processing')");
   if (job.bind(map).step())
     throw StoreRefusal(Reason::kInUse, "job " + job.text(0) + " is for map " + in_quotes(map));
+  Statement set(database, "SELECT name FROM map_sets WHERE map = ?");
+  if (set.bind(map).step())
+    throw StoreRefusal(Reason::kInUse, "set " + in_quotes(set.text(0)) + " names map " +
+                                           in_quotes(map) + ": change or remove the set first");
 }
 
 void refuse_if_rolled_out(Database& database, std::string_view map, std::string_view version) {
@@ -146,6 +150,7 @@ struct StoreState::Inner {
   SignatureTable signatures{database};
   RolloutTable rollouts{database};
   SealKeyTable seal_keys{database};
+  SetTable sets{database};
   AuditLog audit{database};
 };
 
@@ -174,6 +179,7 @@ EditsTable& StoreState::edits() { return inner_->edits; }
 SignatureTable& StoreState::signatures() { return inner_->signatures; }
 RolloutTable& StoreState::rollouts() { return inner_->rollouts; }
 SealKeyTable& StoreState::seal_keys() { return inner_->seal_keys; }
+SetTable& StoreState::sets() { return inner_->sets; }
 AuditLog& StoreState::audit() { return inner_->audit; }
 const KeyTable& StoreState::keys() const { return inner_->keys; }
 const JobTable& StoreState::jobs() const { return inner_->jobs; }
@@ -181,6 +187,7 @@ const DriveTable& StoreState::drives() const { return inner_->drives; }
 const EditsTable& StoreState::edits() const { return inner_->edits; }
 const SignatureTable& StoreState::signatures() const { return inner_->signatures; }
 const RolloutTable& StoreState::rollouts() const { return inner_->rollouts; }
+const SetTable& StoreState::sets() const { return inner_->sets; }
 const AuditLog& StoreState::audit() const { return inner_->audit; }
 
 const std::string& StoreState::read_only_because() const {

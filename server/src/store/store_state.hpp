@@ -8,6 +8,7 @@
 #include "store/key_table.hpp"
 #include "store/rollout_table.hpp"
 #include "store/seal_key_table.hpp"
+#include "store/set_table.hpp"
 #include "store/signature_table.hpp"
 #include "store/store_quota.hpp"
 #include "store/store_refusal.hpp"
@@ -64,11 +65,10 @@ struct StoredMap {
 enum class WhenActive : std::uint8_t { kRefuse, kRemove };
 
 /// Names, versions and active pointers of a store, and its keys, jobs, drives, saved corrections,
-/// roll-outs and audit log, in one database, SQLite's or PostgreSQL's, that outlives a power cut:
-/// what returned is kept. Knows
-/// nothing of packages on the disk. Safe from several threads, and several processes may have it
-/// open. Throws StorageError when the disk fails; a change has then not happened, or (a failed
-/// sync) may show after the next open.
+/// roll-outs, sets and audit log, in one database, SQLite's or PostgreSQL's, that outlives a power
+/// cut: what returned is kept. Knows nothing of packages on the disk. Safe from several threads,
+/// and several processes may have it open. Throws StorageError when the disk fails; a change has
+/// then not happened, or (a failed sync) may show after the next open.
 class StoreState {
  public:
   /// Opens or makes it, and brings an older schema up to date. When the disk does not allow that,
@@ -124,7 +124,7 @@ class StoreState {
   /// With its versions and saved corrections; packages that no version holds any more are noted as
   /// `condemned`.
   /// @throws StoreRefusal kUnknownMap; kActive; kInUse while it has a drive, an upload under way or
-  /// an unfinished job.
+  /// an unfinished job, or while a set names it.
   void remove_map(std::string_view name, WhenActive when_active = WhenActive::kRefuse);
   /// Bytes of packages and drives; a file that several versions of a map share counts once.
   /// @throws StoreRefusal kUnknownMap.
@@ -195,6 +195,7 @@ class StoreState {
   [[nodiscard]] SignatureTable& signatures();
   [[nodiscard]] RolloutTable& rollouts();
   [[nodiscard]] SealKeyTable& seal_keys();
+  [[nodiscard]] SetTable& sets();
   [[nodiscard]] AuditLog& audit();
   [[nodiscard]] const KeyTable& keys() const;
   [[nodiscard]] const JobTable& jobs() const;
@@ -202,6 +203,7 @@ class StoreState {
   [[nodiscard]] const EditsTable& edits() const;
   [[nodiscard]] const SignatureTable& signatures() const;
   [[nodiscard]] const RolloutTable& rollouts() const;
+  [[nodiscard]] const SetTable& sets() const;
   [[nodiscard]] const AuditLog& audit() const;
 
   /// Writes it, as of one instant, into one new file, synced. Without drives, whose bytes are

@@ -35,6 +35,8 @@ void use_all(Metrics& metrics) {
   metrics.queue_waited(0.1);
   metrics.scan_superseded();
   metrics.sealed_scan("begun");
+  metrics.set_map_chosen("town", "prior");
+  metrics.handed_over("town");
   metrics.set_workers(1, 0, 2);
   metrics.set_queue(3, 16);
   metrics.set_sessions(4);

@@ -170,6 +170,7 @@ void fill(StoreState& state) {
   state.jobs().enqueue({.map = "town", .request = "{\"a\": 1}", .drives = {drive}}, 9);
   state.edits().save("town", "{}", "me", 11, {});
   state.rollouts().put({.map = "town", .version = "v1", .share = 0.25, .vehicles = {"a*"}});
+  state.sets().put({.name = "city", .maps = {{.map = "town"}}});
   for (int i = 0; i < 3; ++i)
     state.audit().append({.time_ns = i, .request_id = "r", .method = "PUT", .status = 200});
   state.create_map("gone", 1);
@@ -188,6 +189,8 @@ void expect_same(const StoreState& a, const StoreState& b) {
   EXPECT_EQ(a.drives().parts(1), b.drives().parts(1));
   EXPECT_EQ(a.edits().of_map("town"), b.edits().of_map("town"));
   EXPECT_EQ(a.rollouts().list(), b.rollouts().list());
+  EXPECT_EQ(a.sets().list().front().maps.front().map, "town");
+  EXPECT_EQ(b.sets().list().front().maps.front().map, "town");
   EXPECT_EQ(a.active_at("town", 15), b.active_at("town", 15));
   EXPECT_EQ(a.audit().check().newest_sha256, b.audit().check().newest_sha256);
   EXPECT_FALSE(b.audit().check().first_wrong_id);

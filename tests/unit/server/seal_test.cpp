@@ -70,12 +70,21 @@ TEST(Seal, GivesTheSessionBack) {
   EXPECT_FALSE(opened->version_was_named);
   EXPECT_TRUE(opened->is_rolled_out);
   EXPECT_EQ(opened->tracker, expected.tracker);
+  EXPECT_EQ(opened->map, "");
+  SealedSession in_set = session();
+  in_set.map = "west";
+  const SealOwner of_set{.key_id = kOwner.key_id, .map = "set/town"};
+  const auto in_map = open_seal(seal(in_set, of_set, key), of_set, key);
+  ASSERT_TRUE(in_map);
+  EXPECT_EQ(in_map->map, "west");
+  EXPECT_EQ(in_map->version, expected.version);
 }
 
 TEST(Seal, OfALongSessionFitsIntoItsBound) {
   SealedSession largest = session();
   largest.version = largest.vehicle = std::string(64, 'v');
   largest.version.pop_back();
+  largest.map = largest.version;
   largest.tracker = std::string(1511, 't');
   EXPECT_EQ(seal(largest, kOwner, SealKey::make()).size(), kMaxSealText);
   largest.tracker += "ttt";

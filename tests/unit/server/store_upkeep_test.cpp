@@ -227,7 +227,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheFirstSchemaUpToDate) {
       "DROP TABLE saved_edits; DROP TABLE audit; DROP TABLE audit_start; DROP TABLE job_drives;"
       "DROP TABLE drive_parts; DROP TABLE drives; DROP TABLE jobs; DROP TABLE keys;"
       "DROP TABLE retired; DROP TABLE retired_maps; DROP TABLE migrated; DROP TABLE package_files;"
-      "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts;"
+      "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; DROP TABLE map_sets; "
       "DROP TABLE seal_keys; PRAGMA user_version=1");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.state().map("town").active, "1");
@@ -260,7 +260,7 @@ TEST_F(StoreUpkeepTest, BringsAStoreOfTheThirdSchemaUpToDate) {
           "ALTER TABLE audit DROP COLUMN server_request_id; DROP TABLE migrated; DROP TABLE "
           "package_files;"
           "DROP TABLE activations; DROP TABLE signatures; DROP TABLE rollouts; DROP TABLE "
-          "seal_keys; PRAGMA "
+          "seal_keys; DROP TABLE map_sets; PRAGMA "
           "user_version=3");
   PackageStore store(store_, calls_);
   EXPECT_EQ(store.jobs().count(JobStatus::kEnqueued), 1U);

@@ -119,6 +119,21 @@ class Tracker {
   [[nodiscard]] static Tracker restored(std::shared_ptr<const Aligner> aligner,
                                         const TrackerOptions& options, std::string_view state);
 
+  /// Where the vehicle was at the newest scan, as far as the session believes, or as `initialize`
+  /// said; nothing while it is looked for everywhere.
+  [[nodiscard]] std::optional<Eigen::Isometry3d> believed_T_map_lidar() const;
+  /// The same session in another map, where both maps show the place. This one is not changed. A
+  /// scan that was answered and is sent again is matched again, in the other map.
+  /// @param aligner, options  of the other map.
+  /// @param T_other_map  takes points of this map to the other one's frame; rigid.
+  /// @param covariance   how far off that may be; added to the covariances of the poses. Order and
+  /// frame as in `AlignmentResult`.
+  /// @throws std::invalid_argument as the constructor and `initialize`.
+  [[nodiscard]] Tracker continued_in(std::shared_ptr<const Aligner> aligner,
+                                     const TrackerOptions& options,
+                                     const Eigen::Isometry3d& T_other_map,
+                                     const Eigen::Matrix<double, 6, 6>& covariance) const;
+
  private:
   std::unique_ptr<TrackingSession> session_;
 };

@@ -38,7 +38,11 @@ def _job(json: Any) -> Dict[str, Any]:
     return found
 
 
-def _place(map: str, version: Optional[str]) -> str:
+def _place(map: Optional[str], version: Optional[str]) -> str:
+    if map is None:
+        if version is not None:
+            raise ValueError("version: found a version without a map, expected the map too")
+        return "/v1"
     return f"/v1/maps/{map}" + ("" if version is None else f"/versions/{version}")
 
 
@@ -59,6 +63,12 @@ def _parameters(query: Query) -> Dict[str, Any]:
 
 def _of_vehicle(vehicle: Optional[str]) -> Dict[str, str]:
     return {} if vehicle is None else {"vehicle": vehicle}
+
+
+def _in_set(map: Optional[str], set: Optional[str]) -> Dict[str, str]:
+    if map is not None and set is not None:
+        raise ValueError("set: found a map beside it, expected one of the two")
+    return {} if set is None else {"set": set}
 
 
 def _may_thin(query: Query) -> bool:
@@ -107,25 +117,28 @@ class Client:
 
     # --- poses -------------------------------------------------------------------------------------------
 
-    def localize(self, map: str, scan: Scan, prior: Optional[Prior] = None, *, version: Optional[str] = None,
+    def localize(self, map: Optional[str], scan: Scan, prior: Optional[Prior] = None, *, version: Optional[str] = None,
                  layout: Optional[str] = None, gnss: Optional[Gnss] = None, stamp_ns: Optional[int] = None,
                  method: Optional[str] = None, deadline_ms: Optional[int] = None, T_base_lidar: Optional[Pose] = None,
-                 movable: Sequence[MovableBox] = (), vehicle: Optional[str] = None) -> PoseAnswer:
+                 movable: Sequence[MovableBox] = (), vehicle: Optional[str] = None,
+                 set: Optional[str] = None) -> PoseAnswer:
         """Where a scan was taken; the status is `lost` when that cannot be said. Without prior and gnss the whole
         map is searched. @param vehicle  label of the vehicle that asks: a roll-out may have another version for it.
+        @param map  None: the map of a set that the scan is in; the prior is then in the frame of the set. @param set
+        None: the only one; with gnss all maps with a place on the Earth.
         @raises Problem, ConnectionLost, ValueError for what is no scan."""
         query = Query(scan, prior, layout, gnss, stamp_ns, method, T_base_lidar, movable)
-        return self._localize(map, version, query, deadline_ms, None, vehicle).json(PoseAnswer.of)
+        return self._localize(map, version, query, deadline_ms, None, vehicle, set).json(PoseAnswer.of)
 
-    def localize_geopose(self, map: str, scan: Scan, prior: Optional[Prior] = None, *, version: Optional[str] = None,
+    def localize_geopose(self, map: Optional[str], scan: Scan, prior: Optional[Prior] = None, *, version: Optional[str] = None,
                          layout: Optional[str] = None, gnss: Optional[Gnss] = None, stamp_ns: Optional[int] = None,
                          method: Optional[str] = None, deadline_ms: Optional[int] = None,
                          T_base_lidar: Optional[Pose] = None, movable: Sequence[MovableBox] = (),
-                         vehicle: Optional[str] = None) -> GeoPose:
+                         vehicle: Optional[str] = None, set: Optional[str] = None) -> GeoPose:
         """As `localize`, for maps with a place on the Earth.
         @raises Problem `NoPose` when the scan is lost, and `NotAcceptable` when the map has no place."""
         query = Query(scan, prior, layout, gnss, stamp_ns, method, T_base_lidar, movable)
-        response = self._localize(map, version, query, deadline_ms, GEOPOSE, vehicle)
+        response = self._localize(map, version, query, deadline_ms, GEOPOSE, vehicle, set)
         return response.json(lambda json: GeoPose.of(json, response.headers))
 
     def localize_batch(self, map: str, queries: Sequence[Query], *, version: Optional[str] = None,
@@ -152,8 +165,8 @@ class Client:
 
         return self.thinning.or_whole(True, send, _is_thin_refused)
 
-    def _localize(self, map: str, version: Optional[str], query: Query, deadline_ms: Optional[int],
-                  accept: Optional[str], vehicle: Optional[str]) -> Response:
+    def _localize(self, map: Optional[str], version: Optional[str], query: Query, deadline_ms: Optional[int],
+                  accept: Optional[str], vehicle: Optional[str], set: Optional[str]) -> Response:
         prior, gnss = query.prior, query.gnss
         flat: Dict[str, str] = {}
         keys: Dict[str, Any] = {}
@@ -174,34 +187,36 @@ class Client:
             parameters, body, headers = scan_request(query.scan, query.layout, thinning, flat, keys)
             if accept is not None:
                 headers["Accept"] = accept
-            parameters = {**parameters, **_of_vehicle(vehicle)}
+            parameters = {**parameters, **_of_vehicle(vehicle), **_in_set(map, set)}
             return self._transport.call("POST", _place(map, version) + "/localize", query=parameters, body=body,
                                         headers=headers, active_of=map if version is None else None,
                                         timeout_s=self._transport.patience_s(deadline_ms))
 
         return self.thinning.or_whole(_may_thin(query), send)
 
-    def open_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
+    def open_session(self, map: Optional[str], *, version: Optional[str] = None, prior: Optional[Prior] = None,
                      gnss: Optional[Gnss] = None, label: Optional[str] = None,
-                     retries: Optional[int] = None) -> Session:
+                     retries: Optional[int] = None, set: Optional[str] = None) -> Session:
         """Follows one vehicle. A prior needs its sigma or covariance. @param label  what operators see, and by which
-        roll-outs know the vehicle."""
-        wanted: Dict[str, Any] = {"map": map}
-        for name, value in (("version", version), ("label", label), ("prior", prior and prior.to_json()),
+        roll-outs know the vehicle. @param map  None: through the maps of a set. @param set  None: the only one."""
+        wanted: Dict[str, Any] = dict(_in_set(map, set))
+        for name, value in (("map", map), ("version", version), ("label", label), ("prior", prior and prior.to_json()),
                             ("gnss", gnss and gnss.to_json())):
             if value is not None:
                 wanted[name] = value
         return self._read(lambda json: Session(self._transport, self.thinning, json), "POST", "/v1/sessions", wanted, idempotent=False,
                           retries=retries, active_of=map if version is None else None)
 
-    def sealed_session(self, map: str, *, version: Optional[str] = None, prior: Optional[Prior] = None,
+    def sealed_session(self, map: Optional[str], *, version: Optional[str] = None, prior: Optional[Prior] = None,
                        gnss: Optional[Gnss] = None, label: Optional[str] = None, seal: Optional[str] = None,
-                       others: "Sequence[Client]" = ()) -> SealedSession:
-        """Follows one vehicle, with nothing kept on a server. @param seal  of a session to go on with. @param others
+                       others: "Sequence[Client]" = (), set: Optional[str] = None) -> SealedSession:
+        """Follows one vehicle, with nothing kept on a server. @param map, set  as for `open_session`.
+        @param seal  of a session to go on with. @param others
         clients of further servers of the same store, that are asked when this one does not answer; behind a load
         balancer there is no need of them."""
         servers = [(each._transport, each.thinning) for each in (self, *others)]
-        return SealedSession(servers, map, prior, gnss, version, label, seal)
+        return SealedSession(servers, _place(map, version), prior, gnss, label, seal, _in_set(map, set),
+                             map if version is None else None)
 
     def sessions(self, map: Optional[str] = None) -> List[SessionInfo]:
         """Those of the key; of all keys with the scope admin. @param map  only those of this map."""
@@ -234,6 +249,22 @@ class Client:
     def delete_map(self, name: str, *, active: bool = False) -> None:
         """@param active  also when a version of it is served."""
         self._transport.call("DELETE", f"/v1/maps/{name}", query={"active": "true"} if active else None)
+
+    def sets(self) -> Dict[str, Dict[str, Pose]]:
+        """The sets of maps: of each its maps, with T_set_map."""
+        def read(json: Any) -> Dict[str, Dict[str, Pose]]:
+            return {each["name"]: {member["map"]: Pose.of(member) for member in each["maps"]} for each in json["sets"]}
+
+        return self._read(read, "GET", "/v1/sets")
+
+    def put_set(self, name: str, maps: Mapping[str, Optional[Pose]]) -> None:
+        """Makes a set, or changes it. @param maps  with T_set_map; None: the map's frame is that of the set."""
+        members = [{"map": map, **({} if T is None else T.to_json())} for map, T in maps.items()]
+        self._json("PUT", f"/v1/sets/{name}", {"maps": members})
+
+    def delete_set(self, name: str) -> None:
+        """Its maps stay."""
+        self._transport.call("DELETE", f"/v1/sets/{name}")
 
     def stats(self, name: str) -> Dict[str, Any]:
         return self._json("GET", f"/v1/maps/{name}/stats")

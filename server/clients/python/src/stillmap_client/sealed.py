@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Any, Dict, Optional, Sequence, Tuple
+from typing import Any, Dict, Mapping, Optional, Sequence, Tuple
 
 from .errors import ConnectionLost, Problem
 from .scan import Scan, scan_request
@@ -18,18 +18,19 @@ _BAD_PLACE = frozenset({"InvalidPrior", "NoGeodeticOrigin"})
 
 
 class SealedSession:
-    """One vehicle in one version of a map; made by `Client.sealed_session`. No server keeps anything of it: each
-    answer brings a seal, which the next scan takes back. A scan whose answer was lost is sent again with the same
+    """One vehicle in one version of a map, or in the maps of a set; made by `Client.sealed_session`. No server keeps
+    anything of it: each answer brings a seal, which the next scan takes back. A scan whose answer was lost is sent again with the same
     seal, to the next of the servers if there are several. When a seal cannot be used any more (older than 60 s, its
     version removed) the scan is sent again without it, and searched for everywhere.
 
     One thread at a time."""
 
-    def __init__(self, servers: Sequence[Tuple[Transport, Thinning]], map: str, prior: Optional[Prior], gnss: Optional[Gnss],
-                 version: Optional[str], label: Optional[str], seal: Optional[str]) -> None:
+    def __init__(self, servers: Sequence[Tuple[Transport, Thinning]], place: str, prior: Optional[Prior], gnss: Optional[Gnss],
+                 label: Optional[str], seal: Optional[str], in_set: Mapping[str, str],
+                 active_of: Optional[str]) -> None:
         self._servers = list(servers)
-        self._path = f"/v1/maps/{map}" + ("" if version is None else f"/versions/{version}") + "/localize/next"
-        self._active_of = map if version is None else None
+        self._path, self._in_set = place + "/localize/next", in_set
+        self._active_of = active_of
         for transport, _ in self._servers:
             transport.revisions = self._servers[0][0].revisions
         self._prior, self._gnss, self._label = prior, gnss, label
@@ -113,6 +114,7 @@ class SealedSession:
                     headers["Stillmap-Seal"] = self.seal
                 if self._label is not None:
                     query["vehicle"] = self._label
+                query.update(self._in_set)
                 return transport.call("POST", self._path, query=query, body=body, headers=headers, retries=0,
                                       active_of=self._active_of, timeout_s=transport.patience_s(deadline_ms))
 

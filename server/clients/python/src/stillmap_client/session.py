@@ -23,8 +23,9 @@ _Item = Tuple[bytes, Optional[str], int, Optional[Odometry], Sequence[MovableBox
 
 
 class Session:
-    """One vehicle in one version of a map; made by `Client.open_session`. Ends with `close`, or when it is not
-    used for `idle_limit_s`. As a context manager it closes itself."""
+    """One vehicle in one version of a map, or in the maps of a set, where `map` is the first one; made by
+    `Client.open_session`. Ends with `close`, or when it is not used for `idle_limit_s`. As a context manager it
+    closes itself."""
 
     def __init__(self, transport: Transport, thinning: Thinning, json: Mapping[str, Any]) -> None:
         self._transport, self._thinning = transport, thinning
@@ -126,15 +127,17 @@ class SessionStream:
     T_base_lidar, layout, deadline_ms  of all scans
     sealed       the session travels with the scans (`Client.sealed_session`), and outlives any server
     others       clients of further servers, of a sealed session
+    map, set     as of `Client.open_session`
     What these raise is logged and changes nothing.
     """
 
-    def __init__(self, client: "Client", map: str, *, on_answer: Callable[[int, PoseAnswer], None],
+    def __init__(self, client: "Client", map: Optional[str], *, on_answer: Callable[[int, PoseAnswer], None],
                  on_error: Optional[Callable[[int, StillmapError], None]] = None, prior: Optional[Prior] = None,
                  gnss: Optional[Gnss] = None, version: Optional[str] = None, label: Optional[str] = None,
                  T_base_lidar: Optional[Pose] = None, deadline_ms: Optional[int] = None,
-                 layout: Optional[str] = None, sealed: bool = False, others: "Sequence[Client]" = ()) -> None:
-        self._sealed, self._others = sealed, others
+                 layout: Optional[str] = None, sealed: bool = False, others: "Sequence[Client]" = (),
+                 set: Optional[str] = None) -> None:
+        self._sealed, self._others, self._set = sealed, others, set
         self._client, self._map, self._prior, self._gnss = client, map, prior, gnss
         self._on_answer, self._on_error = on_answer, on_error
         self._version, self._label, self._T_base_lidar = version, label, T_base_lidar
@@ -253,10 +256,10 @@ class SessionStream:
     def _open(self) -> Union[Session, SealedSession]:
         if self._sealed:
             return self._client.sealed_session(self._map, prior=self._prior, gnss=self._gnss, version=self._version,
-                                               label=self._label, others=self._others)
+                                               label=self._label, others=self._others, set=self._set)
         try:
             session = self._client.open_session(self._map, prior=self._prior, gnss=self._gnss, version=self._version,
-                                                label=self._label, retries=0)
+                                                label=self._label, retries=0, set=self._set)
         except Problem as error:
             if error.status == 422:  # else no scan would ever be sent
                 self._prior = None

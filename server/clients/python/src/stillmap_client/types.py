@@ -175,16 +175,19 @@ class Offset:
 @dataclass(frozen=True)
 class PoseWarning:
     """`clock_skew`: the stamp is `ahead_s` ahead of the server's clock. Of sealed sessions `seal_replayed`: the server
-    has gone on from this seal before; `version_activated`: the vehicle would get `version` now."""
+    has gone on from this seal before; `version_activated`: the vehicle would get `version` now. Of sessions in a set `handed_over`:
+    until this scan the vehicle was followed in the map `from_map`."""
 
     code: str
     ahead_s: Optional[float] = None
     version: Optional[str] = None
+    from_map: Optional[str] = None
 
     @classmethod
     def of(cls, json: Mapping[str, Any]) -> "PoseWarning":
         ahead_s, version = json.get("ahead_s"), json.get("version")
-        return cls(str(json["code"]), None if ahead_s is None else float(ahead_s), None if version is None else str(version))
+        return cls(str(json["code"]), None if ahead_s is None else float(ahead_s),
+                   None if version is None else str(version), json.get("from_map"))
 
 
 @dataclass(frozen=True)
@@ -217,6 +220,9 @@ class PoseAnswer:
     #: Of a session's scan only, as `searched_from`.
     session: Optional[str] = None
     searched_from: Optional[str] = None
+    #: In a set of maps only: its name, and the pose in its frame, None when the status is `lost`.
+    set: Optional[str] = None
+    T_set_lidar: Optional[Pose] = None
     raw: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -241,7 +247,8 @@ class PoseAnswer:
                    stamp_ns=_integer(json["stamp_ns"]), timing_ms=json["timing_ms"],
                    warnings=tuple(PoseWarning.of(each) for each in json["warnings"]),
                    request_id=json["request_id"], session=json.get("session"),
-                   searched_from=json.get("searched_from"), raw=json)
+                   searched_from=json.get("searched_from"), set=json.get("set"),
+                   T_set_lidar=_pose(json.get("T_set_lidar")), raw=json)
 
 
 @dataclass(frozen=True)
@@ -300,6 +307,8 @@ class SessionInfo:
     #: In lists of sessions.
     key_id: Optional[str] = None
     key_name: Optional[str] = None
+    #: The set that its map is of; None without one.
+    set: Optional[str] = None
     raw: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -313,7 +322,7 @@ class SessionInfo:
                    covariance_order=tuple(json["covariance_order"]),
                    inlier_ratio=None if inliers is None else float(inliers), idle_s=float(json["idle_s"]),
                    idle_limit_s=float(json["idle_limit_s"]), key_id=json.get("key_id"), key_name=json.get("key_name"),
-                   raw=json)
+                   set=json.get("set"), raw=json)
 
 
 @dataclass(frozen=True)
