@@ -180,11 +180,12 @@ ConsistencyChange change_from(const std::string& text) {
 class Rebuild {
  public:
   Rebuild(const RebuildOptions& options, const ProgressCallback& progress, const CancelFlag& cancel,
-          const CleanerFactory& make_cleaner)
+          const CleanerFactory& make_cleaner, const PackageMaker& make_package)
       : options_(options),
         progress_(progress),
         cancel_(cancel),
         make_cleaner_(make_cleaner),
+        make_package_(make_package),
         work_(options.work, key_of(options)) {
     if (!work_.discarded().empty())
       report_.warnings.push_back("work of another rebuild was thrown away: " + work_.discarded());
@@ -248,7 +249,9 @@ class Rebuild {
     // Removed by somebody since.
     if (!fs::exists(at)) work_.forget(name);
     return part(name, [&] {
-      if (!fs::exists(at))
+      if (!fs::exists(at) && make_package_)
+        make_package_(name, at, under(name));
+      else if (!fs::exists(at))
         (void)build_map(options_.drives, at, options, under(name), cancel_, make_cleaner_);
       return maps::MapPackage::open(at)->digest();
     });
@@ -403,6 +406,7 @@ class Rebuild {
   const ProgressCallback& progress_;
   const CancelFlag& cancel_;
   const CleanerFactory& make_cleaner_;
+  const PackageMaker& make_package_;
   RebuildWork work_;
   RebuildResult report_;
 };
@@ -410,11 +414,26 @@ class Rebuild {
 }  // namespace
 
 RebuildResult rebuild_map(const RebuildOptions& given, const ProgressCallback& progress,
-                          const CancelFlag& cancel, const CleanerFactory& make_cleaner) {
+                          const CancelFlag& cancel, const CleanerFactory& make_cleaner,
+                          const PackageMaker& make_package) {
   require_usable(given);
   const RebuildOptions options = completed(given);
   require_comparable(options);
-  return Rebuild(options, progress, cancel, make_cleaner).run();
+  return Rebuild(options, progress, cancel, make_cleaner, make_package).run();
+}
+
+MapBuildResult do_rebuild_unit(const RebuildOptions& given, std::string_view part,
+                               const BuildUnit& unit, std::size_t units,
+                               const ProgressCallback& progress, const CancelFlag& cancel) {
+  require_usable(given);
+  if (part != "map" && part != "keep")
+    throw std::invalid_argument(
+        fmt::format("unit of a rebuild (--unit): found '{}/{}', expected map/{} or keep/{}", part,
+                    name_of(unit), name_of(unit), name_of(unit)));
+  const RebuildOptions options = completed(given);
+  return do_unit(options.drives, options.work / part,
+                 part == "keep" ? keep_options(options.build) : options.build, unit, units,
+                 progress, cancel);
 }
 
 std::vector<StageShare> rebuild_stages(const RebuildOptions& options) {

@@ -346,8 +346,6 @@ void require_usable_by_units(const MapBuildOptions& options, std::size_t units) 
   if (units < 1 || units > kMostUnits)
     throw std::invalid_argument(
         fmt::format("units (--units): found {}, expected 1 to {}", units, kMostUnits));
-  if (options.journal_folder)
-    throw std::invalid_argument("units: found a journal folder, expected none");
   if (options.clean != "free-space" && options.clean != "none")
     throw std::invalid_argument(
         fmt::format("clean (--clean): found '{}', which needs the whole map at once, expected "
@@ -360,7 +358,7 @@ MapBuildResult do_unit(const std::vector<fs::path>& folders, const fs::path& tar
                        const ProgressCallback& progress, const CancelFlag& cancel) {
   const MapBuildOptions options = usable(given);
   require_usable_by_units(options, units);
-  const fs::path folder = units_folder(target);
+  const fs::path folder = options.journal_folder.value_or(units_folder(target));
   const fs::path done = maps::hidden_beside(target, ".units-done");
   const bool merges = unit.kind == Kind::kMerge;
   const bool is_there = fs::exists(fs::symlink_status(target));
@@ -398,7 +396,7 @@ MapBuildResult do_unit(const std::vector<fs::path>& folders, const fs::path& tar
       result = std::move(build.result);
     else
       result.warnings = std::move(build.result.warnings);
-    if (merges) remove_units(folder, done);
+    if (merges && !options.journal_folder) remove_units(folder, done);
   }
   return result;
 }

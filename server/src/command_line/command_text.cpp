@@ -1,5 +1,6 @@
 #include "command_line/command_text.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <optional>
 #include <stdexcept>
@@ -43,15 +44,26 @@ std::string command_of(const CLI::App& command) {
 
 std::string words_of(const CLI::App& command, std::string_view except) {
   std::string text;
+  for (const std::string& word : arguments_of(command, {std::string(except)}))
+    text += " " + shell_word(word);
+  return text;
+}
+
+std::vector<std::string> arguments_of(const CLI::App& command,
+                                      const std::vector<std::string>& except) {
+  std::vector<std::string> words;
   for (const CLI::Option* option : command.get_options()) {
-    if (option->get_name() == except) continue;
+    if (std::ranges::find(except, option->get_name()) != except.end()) continue;
     for (const std::string& value : option->results()) {
-      if (!option->get_positional()) text += " " + option->get_name();
-      if (is_flag(*option) && value != "true") text += "=" + shell_word(value);
-      if (!is_flag(*option)) text += " " + shell_word(value);
+      if (is_flag(*option)) {
+        words.push_back(option->get_name() + (value == "true" ? "" : "=" + value));
+        continue;
+      }
+      if (!option->get_positional()) words.push_back(option->get_name());
+      words.push_back(value);
     }
   }
-  return text;
+  return words;
 }
 
 std::array<double, 2> metres_and_degrees(const std::string& option, const std::string& text) {

@@ -7,6 +7,7 @@
 #include <array>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace stillmap::command_line {
 
@@ -21,6 +22,10 @@ inline constexpr const char* kImportDescription =
 /// The words of a call behind the subcommand's name, as above, each with a space before it.
 /// @param except  name of an option that is left out.
 [[nodiscard]] std::string words_of(const CLI::App& command, std::string_view except = {});
+
+/// The same as arguments of a program, quoted for no shell. @param except  names left out.
+[[nodiscard]] std::vector<std::string> arguments_of(const CLI::App& command,
+                                                    const std::vector<std::string>& except);
 
 /// A word of a command as a shell reads it: in quotes where it needs them.
 [[nodiscard]] std::string shell_word(const std::string& word);

@@ -72,7 +72,7 @@ class Watched {
   void ask(Kind kind) {
     asked_ = kind;
     kill_at_ = Clock::now() + kEndGrace;
-    child_.signal(SIGTERM);
+    child_.signal(attempt_.leaves_jobs && attempt_.leaves_jobs() ? SIGKILL : SIGTERM);
   }
 
   const JobAttempt& attempt_;

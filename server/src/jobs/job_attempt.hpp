@@ -23,6 +23,9 @@ struct JobAttempt {
   std::function<bool()> is_canceled;
   std::function<bool()> is_stopping;
   std::function<void(const JobProgress&)> on_progress;
+  /// Whether it is killed rather than asked to end: asked, it would also end its jobs in a cluster.
+  /// Empty: never.
+  std::function<bool()> leaves_jobs;
 };
 
 /// How it came out.

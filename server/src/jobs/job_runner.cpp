@@ -225,10 +225,14 @@ AttemptEnd JobRunner::attempt(const StoredJob& job, const std::stop_token& stop)
       .most = std::chrono::seconds(setup_.live.current()->jobs.time_limit_s),
       .is_canceled = [&] { return live_.wants_cancel(job.id); },
       .is_stopping = [&] { return stop.stop_requested(); },
-      .on_progress = [&](const JobProgress& progress) { live_.note_progress(job, progress); }};
+      .on_progress = [&](const JobProgress& progress) { live_.note_progress(job, progress); },
+      .leaves_jobs = {}};
   using Kind = AttemptEnd::Kind;
   AttemptEnd unprepared;
   try {
+    // Another server follows them then, or this one when it is back.
+    if (runs_in_cluster(setup_.live.current()->jobs))
+      attempt.leaves_jobs = [&] { return stop.stop_requested() || live_.is_lost(job.id); };
     attempt.command = prepare(job, [&] { return attempt.is_canceled() || attempt.is_stopping(); });
     return run_attempt(attempt);
   } catch (const ProgramCrash& error) {
@@ -251,7 +255,7 @@ std::vector<std::string> JobRunner::prepare(const StoredJob& job,
   fs::create_directories(folder.scratch());
   sync_folder(folders_.root());
   if (setup_.mapper.empty()) throw std::runtime_error("stillmap-mapper is not there");
-  const int threads = setup_.live.current()->jobs.cores;
+  const JobOptions options = setup_.live.current()->jobs;
   if (job.kind == JobKind::kConvert) {
     // It has no checkpoints: half a map would be in the way.
     clear_folder(folder.map());
@@ -260,18 +264,17 @@ std::vector<std::string> JobRunner::prepare(const StoredJob& job,
     std::error_code error;
     fs::remove(file, error);
     fs::create_hard_link(uploads_.file(request.sha256), file);
-    return convert_command(setup_.mapper, file, folder, threads);
+    return convert_command(setup_.mapper, file, folder, options.cores);
   }
   const RebuildRequest request = read_stored_rebuild(job.request);
   const RebuildSources sources = sources_of_job(setup_, job.map, request, folder);
   // A second attempt has used some of it.
   if (job.attempts == 1) {
-    room_.check(job.map, request, sources,
-                std::chrono::seconds(setup_.live.current()->jobs.time_limit_s), is_unwanted);
+    room_.check(job.map, request, sources, std::chrono::seconds(options.time_limit_s), is_unwanted);
   }
   write_small_file(folder.gate(), gate_json(setup_.live.current()->gate));
   if (!request.edits.empty()) write_small_file(folder.edits(), request.edits);
-  return rebuild_command(setup_.mapper, request, sources, folder, threads);
+  return rebuild_command(setup_.mapper, request, sources, folder, options);
 }
 
 /// By whomever: another process may have written so into the store.

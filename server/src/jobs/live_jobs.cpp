@@ -97,6 +97,12 @@ bool LiveJobs::wants_cancel(std::int64_t id) const {
   return found != live_.end() && found->second.cancel;
 }
 
+bool LiveJobs::is_lost(std::int64_t id) const {
+  const std::scoped_lock lock(mutex_);
+  const auto found = live_.find(id);
+  return found != live_.end() && found->second.lost;
+}
+
 int LiveJobs::count_full_disk(const StoredJob& job) {
   const std::scoped_lock lock(mutex_);
   Live& live = live_[job.id];
@@ -146,7 +152,9 @@ std::vector<JobClaim> LiveJobs::claims() const {
 void LiveJobs::lose(const JobClaim& claim) {
   const std::scoped_lock lock(mutex_);
   const auto found = live_.find(claim.id);
-  if (found != live_.end() && found->second.claim == claim) found->second.cancel = true;
+  if (found == live_.end() || found->second.claim != claim) return;
+  found->second.cancel = true;
+  found->second.lost = true;
 }
 
 std::vector<std::int64_t> LiveJobs::ids() const {

@@ -48,6 +48,8 @@ class LiveJobs {
   void note_progress(const StoredJob& job, const JobProgress& progress);
   /// As far as this server knows, without a look into the store.
   [[nodiscard]] bool wants_cancel(std::int64_t id) const;
+  /// Whether another server has taken it over.
+  [[nodiscard]] bool is_lost(std::int64_t id) const;
   /// How many attempts have met a full disk, with this one; the same however often it is asked.
   int count_full_disk(const StoredJob& job);
   /// An attempt has ended, and the store knows. One that ended for good is counted, its last event
@@ -68,6 +70,7 @@ class LiveJobs {
   struct Live {
     JobProgress progress;
     bool cancel = false;
+    bool lost = false;
     /// While an attempt is under way here.
     std::optional<JobClaim> claim{};
     /// How often it has met a full disk, and at which attempt last.

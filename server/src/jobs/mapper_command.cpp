@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <sstream>
 #include <system_error>
 
 namespace stillmap::server {
@@ -26,7 +27,16 @@ void add_threads(std::vector<std::string>& command, int threads) {
   command.push_back(std::to_string(threads));
 }
 
+void add_cluster(std::vector<std::string>& command, const JobOptions& jobs) {
+  command.insert(command.end(),
+                 {"--executor", "slurm", "--units", std::to_string(jobs.slurm_units)});
+  std::istringstream words(jobs.slurm_options);
+  for (std::string word; words >> word;) command.push_back("--slurm-option=" + word);
+}
+
 }  // namespace
+
+bool runs_in_cluster(const JobOptions& jobs) { return jobs.executor != "process"; }
 
 fs::path find_mapper() {
   std::error_code error;
@@ -39,7 +49,7 @@ fs::path find_mapper() {
 
 std::vector<std::string> rebuild_command(const fs::path& mapper, const RebuildRequest& request,
                                          const RebuildSources& sources, const JobFolder& folder,
-                                         int threads) {
+                                         const JobOptions& jobs) {
   std::vector<std::string> command = {mapper.string(), "rebuild"};
   add_options(command, request, sources);
   const auto add = [&](const char* flag, const fs::path& path) {
@@ -54,7 +64,8 @@ std::vector<std::string> rebuild_command(const fs::path& mapper, const RebuildRe
   if (sources.held_back) add("--held-back", *sources.held_back);
   if (sources.previous) add("--previous", *sources.previous);
   if (request.patch) command.emplace_back("--patch");
-  add_threads(command, threads);
+  add_threads(command, jobs.cores);
+  if (runs_in_cluster(jobs)) add_cluster(command, jobs);
   command.insert(command.end(),
                  {"--progress", "json", "--progress-fd", std::to_string(ChildProcess::kProgress)});
   return command;

@@ -17,6 +17,9 @@ namespace stillmap::server {
 /// Beside this program, or where it is installed; empty when it is at neither.
 [[nodiscard]] std::filesystem::path find_mapper();
 
+/// Whether a rebuild's work goes on without its process here.
+[[nodiscard]] bool runs_in_cluster(const JobOptions& jobs);
+
 /// What a rebuild reads besides its own folder.
 struct RebuildSources {
   std::vector<std::filesystem::path> drives;
@@ -30,7 +33,8 @@ struct RebuildSources {
 [[nodiscard]] std::vector<std::string> rebuild_command(const std::filesystem::path& mapper,
                                                        const RebuildRequest& request,
                                                        const RebuildSources& sources,
-                                                       const JobFolder& folder, int threads);
+                                                       const JobFolder& folder,
+                                                       const JobOptions& jobs);
 [[nodiscard]] std::vector<std::string> estimate_command(const std::filesystem::path& mapper,
                                                         const RebuildRequest& request,
                                                         const RebuildSources& sources);

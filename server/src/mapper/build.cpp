@@ -254,12 +254,9 @@ mapping::MapBuildResult do_units(const BuildCommand& asked,
   std::vector<std::string> warnings;
   for (const mapping::BuildUnit& unit : units) {
     const std::string name = name_of(unit);
-    result = mapping::do_unit(
-        asked.arguments.drives, asked.map, asked.arguments.options, unit, asked.units.units,
-        [&](std::string_view stage, std::size_t done, std::size_t total) {
-          progress(fmt::format("{}: {}", name, stage), done, total);
-        },
-        command_line::cancel_flag());
+    result = mapping::do_unit(asked.arguments.drives, asked.map, asked.arguments.options, unit,
+                              asked.units.units, under_unit(unit, progress),
+                              command_line::cancel_flag());
     if (result.digest.empty())
       for (const std::string& warning : result.warnings)
         warnings.push_back(fmt::format("{}: {}", name, warning));
@@ -287,12 +284,35 @@ Remarks remarks_before(const BuildCommand& asked, bool is_whole) {
   return remarks;
 }
 
+/// What `merge` said is what a build of one process says. The index is made there, too.
+void build_by_jobs(const BuildCommand& asked, const CLI::App& command) {
+  const mapping::MapBuildOptions& options = asked.arguments.options;
+  mapping::require_usable_by_units(options, asked.units.units);
+  const Remarks remarks = remarks_before(asked, false);
+  const SlurmBuild build{
+      .target = asked.map,
+      .command = unit_command(command, {}),
+      .prefix = {},
+      .units = asked.units.units,
+      .threads = options.threads,
+      .memory_bytes = mapping::estimate_build(remarks.drives, options).memory_bytes,
+      .options = asked.units.executor.slurm_options};
+  command_line::say_when_cancelled(command_line::goes_on_from(mapping::units_folder(asked.map)));
+  std::string said;
+  run_with_progress(asked.progress, mapping::build_stages(options.register_to.has_value()),
+                    [&](const mapping::ProgressCallback& progress) {
+                      said = build_in_slurm(build, progress, command_line::cancel_flag());
+                    });
+  fmt::print("{}", said);
+}
+
 void build(BuildCommand& asked, const CLI::App& command) {
   resolve_options(asked.arguments, command);
   if (asked.estimate) return print_estimate(asked.arguments, asked.json);
   require_unless_estimate(command, "--output");
   const std::vector<mapping::BuildUnit> units = units_to_do(asked.units);
   if (!asked.units.plan.empty()) return write_plan(asked.units, asked.arguments.options, command);
+  if (asked.units.executor.is_slurm()) return build_by_jobs(asked, command);
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildResult result;
@@ -565,7 +585,11 @@ void add_build(CLI::App& app) {
       ->type_name("FOLDER");
   command->add_flag("--estimate", asked->estimate,
                     "Only print how much memory and disk space the build may need");
-  add_unit_options(*command, asked->units);
+  add_unit_options(*command, asked->units,
+                   "Do these units alone, with commas between: poses, survey:N, fuse, finish:N, "
+                   "merge (N from 1 to --units). What they find goes to .NAME.units beside the "
+                   "map");
+  add_plan_option(*command, asked->units);
   add_progress_options(*command, asked->progress);
   asked->json.add_to(*command);
   command->callback([asked, command] { build(*asked, *command); });

@@ -1,3 +1,4 @@
+#include <stillmap/mapping/build_estimate.hpp>
 #include <stillmap/mapping/rebuild.hpp>
 #include <stillmap/mapping/reference.hpp>
 
@@ -16,6 +17,7 @@
 #include "mapper/build_arguments.hpp"
 #include "mapper/commands.hpp"
 #include "mapper/progress_output.hpp"
+#include "mapper/units.hpp"
 
 namespace stillmap::mapper {
 namespace {
@@ -28,6 +30,7 @@ struct RebuildCommand {
   std::optional<std::filesystem::path> gate;
   bool estimate = false;
   ProgressArguments progress;
+  UnitArguments units;
   mapping::RebuildOptions options;
 };
 
@@ -87,16 +90,58 @@ void print_estimate(const mapping::RebuildEstimate& estimate,
   table.print();
 }
 
+/// One unit of a package, as a job of `--executor slurm` does it: `map/survey:3`.
+void do_unit(const RebuildCommand& asked, const mapping::RebuildOptions& options) {
+  const std::size_t end = asked.units.list.find('/');
+  const std::string part = asked.units.list.substr(0, end);
+  const std::vector<mapping::BuildUnit> units = mapping::units_from(
+      end == std::string::npos ? part : asked.units.list.substr(end + 1), asked.units.units);
+  command_line::say_when_cancelled(command_line::goes_on_from(options.work));
+  run_with_progress(asked.progress, stages_of(units, options.previous.has_value()),
+                    [&](const mapping::ProgressCallback& progress) {
+                      for (const mapping::BuildUnit& unit : units)
+                        (void)mapping::do_rebuild_unit(options, part, unit, asked.units.units,
+                                                       under_unit(unit, progress),
+                                                       command_line::cancel_flag());
+                    });
+  fmt::print("done: {}\n", asked.units.list);
+}
+
+/// Packages by jobs in Slurm, if that is asked for.
+mapping::PackageMaker package_maker(const RebuildCommand& asked,
+                                    const mapping::RebuildOptions& options,
+                                    const CLI::App& command) {
+  if (!asked.units.executor.is_slurm()) return {};
+  mapping::require_usable_by_units(options.build, asked.units.units);
+  SlurmBuild build{
+      .target = {},
+      .command = unit_command(command, {"--json"}),
+      .prefix = {},
+      .units = asked.units.units,
+      .threads = options.build.threads,
+      .memory_bytes = mapping::estimate_build(options.drives, options.build).memory_bytes,
+      .options = asked.units.executor.slurm_options};
+  return [build](const std::string& part, const std::filesystem::path& target,
+                 const mapping::ProgressCallback& progress) mutable {
+    build.target = target;
+    build.prefix = part + "/";
+    (void)build_in_slurm(build, progress, command_line::cancel_flag());
+  };
+}
+
 void rebuild(RebuildCommand& asked, const CLI::App& command) {
   const mapping::RebuildOptions options = read_options(asked, command);
+  require_usable(asked.units);
   if (asked.estimate) return print_estimate(mapping::estimate_rebuild(options), asked.json);
   for (const char* option : {"--output", "--work"}) require_unless_estimate(command, option);
+  if (!asked.units.list.empty()) return do_unit(asked, options);
+  const mapping::PackageMaker make_package = package_maker(asked, options, command);
   command_line::say_when_cancelled(command_line::goes_on_from(options.work));
   mapping::RebuildResult result;
   run_with_progress(asked.progress, mapping::rebuild_stages(options),
                     [&](const mapping::ProgressCallback& progress) {
                       result = mapping::rebuild_map(options, progress, command_line::cancel_flag(),
-                                                    mapping::make_reference_cleaner);
+                                                    mapping::make_reference_cleaner, make_package);
                       auto json = nlohmann::ordered_json::parse(mapping::to_json(result, options));
                       json["version"] = STILLMAP_VERSION;
                       asked.json.write(json.dump(2));
@@ -145,6 +190,9 @@ void add_rebuild(CLI::App& app) {
   command->add_flag("--estimate", asked->estimate,
                     "Only print how much disk space the rebuild needs");
   asked->json.add_to(*command);
+  add_unit_options(*command, asked->units,
+                   "Do a unit of a map in --work alone, as the jobs of --executor slurm do: "
+                   "map/UNIT or keep/UNIT, and UNIT is poses, survey:N, fuse, finish:N or merge");
   add_progress_options(*command, asked->progress);
   command->callback([asked, command] { rebuild(*asked, *command); });
 }

@@ -33,36 +33,50 @@ bool is_of(const std::string& stage, Kind kind) {
 
 }  // namespace
 
-void add_unit_options(CLI::App& command, UnitArguments& arguments) {
-  const std::string group = "One build by several processes";
-  command
-      .add_option("--units", arguments.units,
-                  "Shares that scans and map are cut into; the map is the same with any number")
-      ->check(CLI::Range(std::size_t{1}, mapping::kMostUnits))
-      ->group(group);
-  auto* unit =
+void add_unit_options(CLI::App& command, UnitArguments& arguments, const char* unit_help) {
+  auto* units =
       command
-          .add_option("--unit", arguments.list,
-                      "Do these units alone, with commas between: poses, survey:N, fuse, finish:N, "
-                      "merge (N from 1 to --units). What they find goes to .NAME.units beside the "
-                      "map")
-          ->group(group);
-  auto* plan = command
-                   .add_option("--plan", arguments.plan,
-                               "Build nothing; write the commands of all units to this file, an "
-                               "empty line between steps")
-                   ->check(command_line::in_existing_folder())
-                   ->group(group);
-  for (CLI::Option* option : {unit, plan}) option->needs(command.get_option("--units"));
-  plan->excludes(unit);
+          .add_option("--units", arguments.units,
+                      "Shares that scans and map are cut into; the map is the same with any number")
+          ->check(CLI::Range(std::size_t{1}, mapping::kMostUnits))
+          ->group(kUnitGroup);
+  command.add_option("--unit", arguments.list, unit_help)->needs(units)->group(kUnitGroup);
+  add_executor_options(command, arguments.executor);
+}
+
+void add_plan_option(CLI::App& command, UnitArguments& arguments) {
+  command
+      .add_option("--plan", arguments.plan,
+                  "Build nothing; write the commands of all units to this file, an "
+                  "empty line between steps")
+      ->check(command_line::in_existing_folder())
+      ->needs(command.get_option("--units"))
+      ->excludes(command.get_option("--unit"))
+      ->group(kUnitGroup);
+}
+
+void require_usable(const UnitArguments& arguments) {
+  const bool in_slurm = arguments.executor.is_slurm();
+  if (in_slurm && arguments.units == 0)
+    throw std::invalid_argument(
+        "--executor slurm: found without --units; give the number of shares, two to four times "
+        "that of the machines");
+  if (in_slurm && !(arguments.list.empty() && arguments.plan.empty()))
+    throw std::invalid_argument(
+        "--executor slurm: found with --unit or --plan; leave out one of them");
+  if (!in_slurm && !arguments.executor.slurm_options.empty())
+    throw std::invalid_argument(
+        "--slurm-option has no effect without --executor slurm; leave it out");
+  if (arguments.units > 0 && !in_slurm && arguments.list.empty() && arguments.plan.empty())
+    throw std::invalid_argument(
+        "--units: found without --unit, --plan and --executor slurm; give one of them, or leave "
+        "out --units");
 }
 
 std::vector<mapping::BuildUnit> units_to_do(const UnitArguments& arguments) {
-  if (!arguments.list.empty()) return mapping::units_from(arguments.list, arguments.units);
-  if (arguments.units > 0 && arguments.plan.empty())
-    throw std::invalid_argument(
-        "--units: found without --unit and --plan; give one of them, or leave out --units");
-  return {};
+  require_usable(arguments);
+  if (arguments.list.empty()) return {};
+  return mapping::units_from(arguments.list, arguments.units);
 }
 
 void write_plan(const UnitArguments& arguments, const mapping::MapBuildOptions& options,
@@ -79,6 +93,14 @@ void write_plan(const UnitArguments& arguments, const mapping::MapBuildOptions& 
       text += fmt::format("{} --unit {}\n", build, name_of(unit));
   }
   command_line::write_text_file(arguments.plan, text);
+}
+
+mapping::ProgressCallback under_unit(const mapping::BuildUnit& unit,
+                                     const mapping::ProgressCallback& progress) {
+  return [name = name_of(unit), progress](std::string_view stage, std::size_t done,
+                                          std::size_t total) {
+    progress(fmt::format("{}: {}", name, stage), done, total);
+  };
 }
 
 std::vector<mapping::StageShare> stages_of(const std::vector<mapping::BuildUnit>& units,

@@ -138,6 +138,28 @@ TEST_F(RebuildTest, DoesTheFirstPassOnceForBothMaps) {
   EXPECT_THAT(stages, IsEmpty()) << "stages that no plan knows";
 }
 
+TEST_F(RebuildTest, MakesTheSameMapsByUnits) {
+  const std::string whole = result(rebuild());
+  fs::remove_all(options_.map);
+  fs::remove_all(options_.work);
+  const PackageMaker by_units = [&](const std::string& part, const fs::path& target,
+                                    const ProgressCallback& progress) {
+    for (const auto& step : unit_steps(2))
+      for (const BuildUnit& unit : step)
+        (void)do_rebuild_unit(options_, part, unit, 2, progress, cancel_);
+    EXPECT_TRUE(fs::exists(target)) << target;
+  };
+  std::set<std::string> stages;
+  const RebuildResult report = rebuild_map(
+      options_, [&](std::string_view stage, std::size_t, std::size_t) { stages.emplace(stage); },
+      cancel_, {}, by_units);
+  EXPECT_EQ(result(report), whole);
+  // The first pass is done once for both maps.
+  EXPECT_THAT(stages, Contains("map: survey"));
+  EXPECT_FALSE(stages.contains("keep: survey"));
+  EXPECT_THROW((void)do_rebuild_unit(options_, "other", {}, 2, {}, cancel_), std::invalid_argument);
+}
+
 TEST_F(RebuildTest, SaysTheSameAgainWhenItIsDone) {
   const std::string whole = result(rebuild());
   EXPECT_EQ(result(rebuild()), whole);

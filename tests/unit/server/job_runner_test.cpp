@@ -163,6 +163,53 @@ TEST_F(JobsOfARunner, LeaveAloneWhatIsBeingReceivedWhenTheyAreTakenFromAnotherSe
   EXPECT_EQ(std::filesystem::file_size(root / "uploads" / sha256), bytes.size());
 }
 
+class JobsInACluster : public JobsOfARunner {
+ protected:
+  JobsInACluster() {
+    options_.jobs.executor = "slurm";
+    options_.jobs.slurm_units = 3;
+    options_.jobs.slurm_options = "--partition=long  --time=9";
+    options_.jobs.cores = 2;
+    live_.replace(options_);
+  }
+
+  /// Whether a mapper is asked to end when the server stops.
+  bool is_asked_to_end() {
+    const std::filesystem::path asked = scripts_.path() / "asked";
+    const std::filesystem::path runs = scripts_.path() / "runs";
+    write_mapper("trap 'touch " + asked.string() + "; exit 130' TERM; touch " + runs.string() +
+                 "; while :; do sleep 0.01; done");
+    start_runner(store_.open());
+    ask_for_rebuild();
+    const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (!std::filesystem::exists(runs) && std::chrono::steady_clock::now() < latest)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    EXPECT_TRUE(std::filesystem::exists(runs));
+    jobs_.reset();
+    EXPECT_EQ(store_.open().jobs().job(1).status, JobStatus::kEnqueued);
+    return std::filesystem::exists(asked);
+  }
+};
+
+TEST_F(JobsInACluster, AreFollowedWithItsOptions) {
+  const std::filesystem::path words = scripts_.path() / "words";
+  write_mapper("tr '\\0' ' ' < /proc/$$/cmdline > " + words.string() + "; publish");
+  start_runner(store_.open());
+  EXPECT_EQ(end_of_rebuild().status, JobStatus::kSucceeded);
+  std::ifstream stream(words);
+  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  EXPECT_THAT(text, HasSubstr(" --threads 2 --executor slurm --units 3 "
+                              "--slurm-option=--partition=long --slurm-option=--time=9 "));
+}
+
+TEST_F(JobsInACluster, GoOnWhenTheServerStops) { EXPECT_FALSE(is_asked_to_end()); }
+
+TEST_F(JobsInACluster, AreEndedWithTheServerWhereTheyAreProcesses) {
+  options_.jobs.executor = "process";
+  live_.replace(options_);
+  EXPECT_TRUE(is_asked_to_end());
+}
+
 class JobsOnAFullDisk : public JobsOfARunner {};
 
 TEST_F(JobsOnAFullDisk, AreMappedWhenThereIsRoom) {

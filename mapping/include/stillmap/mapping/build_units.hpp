@@ -52,8 +52,8 @@ void require_usable_by_units(const MapBuildOptions& options, std::size_t units);
 /// whatever the number of units, and whoever was killed on the way. A unit that is done already is
 /// not done again. One that was killed is given again: a survey goes on where it was, the others
 /// begin anew.
-/// @param options  the same for all units, but for `threads`; without `journal_folder`, with a
-///                 cleaning method of ours.
+/// @param options  the same for all units, but for `threads`; with a cleaning method of ours. Its
+///                 `journal_folder` is used in place of `units_folder`, and stays.
 /// @param units    the same for all.
 /// @return of `merge` what the build did; of the other units, and of `merge` where the map is there
 ///         already, a result without a digest, with warnings.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <stillmap/mapping/build_units.hpp>
 #include <stillmap/mapping/cleaning.hpp>
 #include <stillmap/mapping/map_build.hpp>
 #include <stillmap/mapping/map_patch.hpp>
@@ -10,9 +11,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace stillmap::mapping {
@@ -92,6 +95,13 @@ inline constexpr std::uint64_t kGateSeed = 1;
 /// More held-back scans than this are thinned out evenly.
 inline constexpr std::size_t kMostHeldBackScans = 300;
 
+/// Makes a package that `rebuild_map` asks for, in another way than by `build_map`.
+/// @param part    `map` or `keep`, as `do_rebuild_unit` takes it.
+/// @param target  its place.
+using PackageMaker =
+    std::function<void(const std::string& part, const std::filesystem::path& target,
+                       const ProgressCallback& progress)>;
+
 /// Makes a new version of a map and judges it.
 ///
 /// The map is built; a second one of the same scans in which everything stays (`keep`: nothing
@@ -103,8 +113,18 @@ inline constexpr std::size_t kMostHeldBackScans = 300;
 /// warning. The map appears at its place when all is done, whatever the verdict.
 /// @throws std::invalid_argument (options), maps::InputError, maps::StorageError, Cancelled. What
 /// was done before stays in the work folder.
+/// @param make_package  of the same bytes as `build_map` makes it, by units; none: `build_map`.
 RebuildResult rebuild_map(const RebuildOptions& options, const ProgressCallback& progress,
-                          const CancelFlag& cancel, const CleanerFactory& make_cleaner = {});
+                          const CancelFlag& cancel, const CleanerFactory& make_cleaner = {},
+                          const PackageMaker& make_package = {});
+
+/// Does one unit of a package of a rebuild, as `do_unit`. Both packages use one folder of units, so
+/// that the first pass is done once.
+/// @param part  `map`, or `keep` once `map` is made.
+/// @throws as `do_unit`; std::invalid_argument for another part.
+MapBuildResult do_rebuild_unit(const RebuildOptions& options, std::string_view part,
+                               const BuildUnit& unit, std::size_t units,
+                               const ProgressCallback& progress, const CancelFlag& cancel);
 
 /// The stages that `rebuild_map` tells of, in order.
 [[nodiscard]] std::vector<StageShare> rebuild_stages(const RebuildOptions& options);

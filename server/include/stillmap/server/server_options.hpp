@@ -107,6 +107,12 @@ struct JobOptions {
   int retries = 2;
   /// Folder for checkpoints, which must survive a restart; empty = within the store.
   std::string work_dir;
+  /// What builds the maps of a rebuild: `process`, or `slurm`: jobs of a cluster.
+  std::string executor = "process";
+  /// Of `slurm`: shares that a build is cut into.
+  int slurm_units = 8;
+  /// Of `slurm`: options of sbatch, with spaces between.
+  std::string slurm_options;
 };
 
 /// When a rebuilt map may become the active one by itself. Shares are in [0, 1].

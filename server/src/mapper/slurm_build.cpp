@@ -1,0 +1,516 @@
+#include "mapper/slurm_build.hpp"
+
+#include <stillmap/mapping/build_units.hpp>
+#include <stillmap/maps/error.hpp>
+#include <stillmap/maps/hidden_beside.hpp>
+#include <stillmap/maps/map_package.hpp>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <chrono>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "command_line/command_text.hpp"
+#include "command_line/option_value.hpp"
+#include "command_line/text_file.hpp"
+#include "errors/exit_codes.hpp"
+#include "mapper/slurm_jobs.hpp"
+#include "mapper/slurm_program.hpp"
+
+namespace stillmap::mapper {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+
+constexpr std::chrono::seconds kBetweenLooks{2};
+constexpr milliseconds kBetweenFlags{100};
+/// For `scancel`, of the second in which a cancelled program ends.
+constexpr milliseconds kForCancel{700};
+/// A program of Slurm that takes longer is taken for one without an answer.
+constexpr std::chrono::seconds kForAnswer{60};
+/// `sbatch` failed so often although `squeue` answers.
+constexpr int kMostRefusals = 3;
+
+/// What a job runs. The words of a build come as arguments, so no shell reads them.
+constexpr const char* kScript = R"(#!/bin/sh
+# Does a unit of a build: unit.sh FOLDER STEP NAME EARLIER COUNT COMMAND...
+# NAME is that of the step in --unit; COUNT units of the step EARLIER must be done.
+folder=$1 step=$2 name=$3 earlier=$4 count=$5
+shift 5
+file=$folder/$step
+case $step in survey | finish) file=${file}_$SLURM_ARRAY_TASK_ID name=$name:$SLURM_ARRAY_TASK_ID ;; esac
+found=0
+for each in "$folder/$earlier"*.done; do
+  if [ -e "$each" ]; then found=$((found + 1)); fi
+done
+if [ "$found" -ne "$count" ]; then
+  echo "stillmap: $name was not begun: $found of $count units of the step '$earlier' are done" >&2
+  exit 75
+fi
+while kill -0 $$ && date +%s >"$file.alive"; do sleep 10; done 2>/dev/null &
+beat=$!
+# An earlier attempt may still run, although Slurm has lost it.
+flock "$file.lock" "$@" --unit "$name" >"$file.out" 3>"$file.progress"
+code=$?
+kill $beat
+if [ $code -eq 0 ]; then : >"$file.done"; else echo $code >"$file.failed"; fi
+exit $code
+)";
+
+std::string file_text(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// Its last bytes: logs and lines of progress grow.
+std::string end_of(const fs::path& file) {
+  constexpr std::streamoff kBytes = 4096;
+  std::ifstream stream(file, std::ios::binary | std::ios::ate);
+  if (!stream) return {};
+  stream.seekg(std::max(std::streamoff{0}, std::streamoff{stream.tellg()} - kBytes));
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+std::optional<int> number_in(const fs::path& file) {
+  const std::string text = file_text(file);
+  int number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() ? std::optional(number) : std::nullopt;
+}
+
+std::string last_line(std::string text) {
+  while (!text.empty() && (text.back() == '\n' || text.back() == '\0')) text.pop_back();
+  const std::size_t end = text.rfind('\n');
+  return end == std::string::npos ? text : text.substr(end + 1);
+}
+
+std::string trimmed(const std::string& text) {
+  const std::size_t end = text.find_last_not_of(" \n");
+  return end == std::string::npos ? "" : text.substr(0, end + 1);
+}
+
+/// Everything that decides what the jobs do, and where.
+std::string plan_of(const SlurmBuild& build) {
+  return fmt::format("{}\n{}\n{}\n{}\n", STILLMAP_VERSION, fs::current_path().string(),
+                     fs::absolute(build.target).lexically_normal().string(),
+                     fmt::join(build.command, "\n"));
+}
+
+std::string job_name(const std::string& plan) {
+  constexpr std::size_t kLetters = 12;
+  return "stillmap-" + maps::sha256_of(plan).substr(0, kLetters);
+}
+
+void require_new(const fs::path& target) {
+  if (fs::exists(fs::symlink_status(target)))
+    throw maps::InputError(target.string(), "an existing path", "a new one: give another name");
+}
+
+/// One process follows the jobs of a build.
+class FollowerLock {
+ public:
+  /// Waits for one that another server has lost sight of. @throws mapping::Cancelled.
+  FollowerLock(const fs::path& folder, const mapping::CancelFlag& cancel) {
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (error) throw maps::StorageError(folder.string(), error.message());
+    const fs::path file = folder / "follower.lock";
+    const int fd = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    if (fd < 0) throw maps::StorageError(file.string(), std::strerror(errno));
+    for (bool told = false; ::flock(fd, LOCK_EX | LOCK_NB) != 0; told = true) {
+      const int failed = errno;
+      if (failed == EWOULDBLOCK && !cancel) {
+        if (!told)
+          fmt::print(stderr, "stillmap: waits for another process that follows the jobs of {}\n",
+                     folder.string());
+        std::this_thread::sleep_for(kBetweenFlags);
+        continue;
+      }
+      ::close(fd);
+      if (cancel) throw mapping::Cancelled();
+      throw maps::StorageError(file.string(), std::strerror(failed));
+    }
+    descriptor_ = fd;
+  }
+  ~FollowerLock() { ::close(descriptor_); }
+  FollowerLock(const FollowerLock&) = delete;
+  FollowerLock& operator=(const FollowerLock&) = delete;
+
+ private:
+  int descriptor_ = -1;
+};
+
+/// What a unit last said of its progress.
+struct UnitProgress {
+  std::string stage;
+  std::size_t done = 0;
+  std::size_t total = 0;
+  double fraction = 0.0;
+};
+
+std::optional<UnitProgress> progress_in(const fs::path& file, const std::string& unit) {
+  const auto json = nlohmann::json::parse(last_line(end_of(file)), nullptr, false);
+  if (!json.is_object()) return std::nullopt;
+  UnitProgress progress{json.value("stage", ""), json.value("done", std::size_t{0}),
+                        json.value("total", std::size_t{0}), json.value("fraction", 0.0)};
+  const std::string head = unit + ": ";
+  if (progress.stage.starts_with(head)) progress.stage.erase(0, head.size());
+  return progress;
+}
+
+/// The jobs of one build.
+class SlurmJobs {
+ public:
+  SlurmJobs(const SlurmBuild& build, const mapping::ProgressCallback& progress,
+            const mapping::CancelFlag& cancel)
+      : build_(build),
+        progress_(progress),
+        cancel_(cancel),
+        folder_(slurm_folder(build.target)),
+        lock_(folder_, cancel),
+        plan_(plan_of(build)),
+        name_(job_name(plan_)) {
+    for (const auto& step : mapping::unit_steps(build.units)) {
+      const std::string name = mapping::name_of(step.front());
+      steps_.push_back({name.substr(0, name.find(':')), step.size(), {}, {}});
+    }
+  }
+
+  std::string run() {
+    begin();
+    while (true) {
+      if (cancel_) throw_cancelled();
+      if (const std::optional<std::vector<SlurmTask>> tasks = tasks_in_queue()) {
+        const std::vector<StepState> states = states_with(*tasks);
+        const SlurmActions actions = decide(states);
+        if (actions.is_finished) return finish(*tasks);
+        if (actions.failure) fail(*actions.failure);
+        act(actions, states);
+        tell(states);
+      }
+      pause();
+    }
+  }
+
+ private:
+  struct Life {
+    std::string sign;
+    Clock::time_point since;
+  };
+  struct Step {
+    std::string name;
+    std::size_t units = 1;
+    std::map<std::size_t, Life> lives;
+    std::map<std::size_t, std::size_t> attempts;
+  };
+
+  /// Of a file of a unit.
+  [[nodiscard]] fs::path path(const Step& step, std::size_t number, const char* ending) const {
+    return folder_ / fmt::format("{}{}.{}", step.name,
+                                 is_array(step) ? fmt::format("_{}", number) : "", ending);
+  }
+  [[nodiscard]] static bool is_array(const Step& step) {
+    return step.name == "survey" || step.name == "finish";
+  }
+  [[nodiscard]] static std::string unit_name(const Step& step, std::size_t number) {
+    return is_array(step) ? fmt::format("{}:{}", step.name, number) : step.name;
+  }
+
+  /// Waits for a program of Slurm, at most until the build is cancelled.
+  [[nodiscard]] ProgramOutput ask(const std::vector<std::string>& arguments) const {
+    const Clock::time_point end = Clock::now() + kForAnswer;
+    return run_slurm_program(arguments, [&] { return cancel_ || Clock::now() >= end; });
+  }
+  [[nodiscard]] static bool did_well(const ProgramOutput& output) {
+    return !output.was_left && output.exit_code == 0;
+  }
+  /// @param most  then `scancel` goes on by itself.
+  static bool cancel_jobs(const std::string& name, milliseconds most) {
+    const Clock::time_point end = Clock::now() + most;
+    return did_well(run_slurm_program(
+        {"scancel", "--name=" + name}, [&] { return Clock::now() >= end; }, Unawaited::kGoesOn));
+  }
+
+  /// Until the next look.
+  void pause() const {
+    for (const auto end = Clock::now() + kBetweenLooks; !cancel_ && Clock::now() < end;)
+      std::this_thread::sleep_for(kBetweenFlags);
+  }
+
+  /// Finds what an earlier call has left.
+  void begin() {
+    const fs::path plan = folder_ / "plan";
+    const std::string found = file_text(plan);
+    if (found != plan_) require_new(build_.target);
+    if (!found.empty() && found != plan_) (void)cancel_jobs(job_name(found), kForAnswer);
+    std::optional<std::vector<SlurmTask>> tasks;
+    while (!(tasks = tasks_in_queue())) {
+      if (cancel_) throw_cancelled();
+      pause();
+    }
+    // What failed is tried again. Without jobs every unit is asked again whether it is done: the
+    // drives may have changed.
+    const bool is_new = found != plan_ || (tasks->empty() && !fs::exists(build_.target));
+    for (const Step& step : steps_) {
+      for (std::size_t number = 1; number <= step.units; ++number) {
+        fs::remove(path(step, number, "failed"));
+        if (is_new) fs::remove(path(step, number, "done"));
+      }
+    }
+    command_line::write_text_file(folder_ / "unit.sh", kScript);
+    command_line::write_text_file(plan, plan_);
+  }
+
+  /// @return nothing while Slurm does not answer.
+  std::optional<std::vector<SlurmTask>> tasks_in_queue() {
+    const ProgramOutput output =
+        ask({"squeue", "--noheader", "--array", "--name=" + name_, "-O", kSqueueFormat});
+    if (cancel_) return std::nullopt;
+    const bool answers = did_well(output);
+    if (answers != answers_)
+      fmt::print(
+          stderr, "stillmap: Slurm {}\n",
+          answers ? "answers again" : "does not answer, waiting for it: " + trimmed(output.err));
+    answers_ = answers;
+    if (answers) return tasks_from(output.out);
+    refusals_ = 0;
+    return std::nullopt;
+  }
+
+  std::vector<StepState> states_with(const std::vector<SlurmTask>& tasks) {
+    std::set<std::string> files;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder_))
+      files.insert(entry.path().filename().string());
+    std::vector<StepState> states;
+    for (Step& step : steps_) {
+      StepState& state = states.emplace_back(StepState{step.name, {}});
+      state.units.resize(step.units);
+      for (std::size_t number = 1; number <= step.units; ++number) {
+        UnitState& unit = state.units[number - 1];
+        unit.is_done = files.contains(path(step, number, "done").filename().string());
+        if (files.contains(path(step, number, "failed").filename().string()))
+          unit.failed = number_in(path(step, number, "failed"));
+        unit.attempts = step.attempts[number];
+      }
+      for (const SlurmTask& task : tasks)
+        if (task.step == step.name && task.number >= 1 && task.number <= step.units)
+          state.units[task.number - 1].tasks.push_back(task);
+      for (std::size_t number = 1; number <= step.units; ++number)
+        state.units[number - 1].silent_s = silent_s(step, number, state.units[number - 1]);
+    }
+    return states;
+  }
+
+  /// By our own clock: those of other machines may differ.
+  double silent_s(Step& step, std::size_t number, const UnitState& unit) const {
+    const bool runs = std::ranges::any_of(
+        unit.tasks, [](const SlurmTask& task) { return task.state == "RUNNING"; });
+    if (!runs) {
+      step.lives.erase(number);
+      return 0.0;
+    }
+    std::string sign = file_text(path(step, number, "alive"));
+    const auto [life, is_new] = step.lives.try_emplace(number);
+    if (is_new || life->second.sign != sign) life->second = {std::move(sign), Clock::now()};
+    return std::chrono::duration<double>(Clock::now() - life->second.since).count();
+  }
+
+  void act(const SlurmActions& actions, const std::vector<StepState>& states) {
+    for (const std::string& task : actions.start_now)
+      (void)ask({"scontrol", "update", "jobid=" + task, "StartTime=now"});
+    if (!actions.cancel.empty()) {
+      std::vector<std::string> words{"scancel"};
+      words.insert(words.end(), actions.cancel.begin(), actions.cancel.end());
+      if (!did_well(ask(words))) return;
+    }
+    const std::size_t current = first_not_done(states);
+    std::string before;
+    for (const SlurmSubmission& submission : actions.submit) {
+      if (cancel_) return;
+      std::vector<std::string> after = submission.after;
+      if (!before.empty()) after.push_back(before);
+      before = submit(submission, after);
+      if (before.empty()) return;
+      if (submission.step == current)
+        for (const std::size_t number : submission.numbers)
+          ++steps_[submission.step].attempts[number];
+    }
+  }
+
+  /// @return the job; empty when Slurm did not take it this time.
+  std::string submit(const SlurmSubmission& submission, const std::vector<std::string>& after) {
+    const Step& step = steps_[submission.step];
+    const Step* const earlier = submission.step > 0 ? &steps_[submission.step - 1] : nullptr;
+    // Neither limits of this process nor secrets of its environment are for the jobs.
+    std::vector<std::string> words{"sbatch", "--parsable", "--requeue", "--propagate=NONE",
+                                   "--export=PATH,HOME,LANG,LD_LIBRARY_PATH,STILLMAP_ONNXRUNTIME"};
+    constexpr std::uint64_t kMiB = 1U << 20U;
+    if (build_.memory_bytes > 0)
+      words.push_back(fmt::format("--mem={}M", (build_.memory_bytes + kMiB - 1) / kMiB));
+    words.push_back(build_.threads > 0 ? fmt::format("--cpus-per-task={}", build_.threads)
+                                       : std::string("--exclusive"));
+    words.insert(words.end(), build_.options.begin(), build_.options.end());
+    words.push_back("--job-name=" + name_);
+    words.push_back("--comment=" + step.name);
+    words.push_back(fmt::format("--output={}", log_pattern(step)));
+    words.emplace_back("--open-mode=append");
+    if (is_array(step))
+      words.push_back(fmt::format("--array={}", fmt::join(submission.numbers, ",")));
+    if (!after.empty())
+      words.push_back(fmt::format("--dependency=afterany:{}", fmt::join(after, ":")));
+    words.push_back((folder_ / "unit.sh").string());
+    words.insert(words.end(), {folder_.string(), step.name, build_.prefix + step.name,
+                               earlier != nullptr ? earlier->name : "-",
+                               std::to_string(earlier != nullptr ? earlier->units : 0)});
+    words.insert(words.end(), build_.command.begin(), build_.command.end());
+    const ProgramOutput output = ask(words);
+    if (cancel_) return {};
+    // "12", or "12;cluster"
+    std::string job = output.out.substr(0, output.out.find_first_of(";\n"));
+    if (did_well(output) && !job.empty()) {
+      refusals_ = 0;
+      return job;
+    }
+    if (++refusals_ < kMostRefusals) return {};
+    (void)cancel_jobs(name_, kForAnswer);
+    throw std::runtime_error(
+        fmt::format("sbatch refused the units of the step '{}': {}; change what is asked for with "
+                    "--slurm-option and --threads",
+                    step.name, trimmed(output.err)));
+  }
+
+  /// In sbatch's own form, where % begins a symbol.
+  [[nodiscard]] std::string log_pattern(const Step& step) const {
+    std::string pattern;
+    for (const char letter : folder_.string())
+      pattern += letter == '%' ? std::string("%%") : std::string(1, letter);
+    return fmt::format("{}/{}{}.log", pattern, step.name, is_array(step) ? "_%a" : "");
+  }
+
+  [[noreturn]] void throw_cancelled() const {
+    if (!cancel_jobs(name_, kForCancel))
+      fmt::print(stderr,
+                 "stillmap: Slurm has not yet cancelled the jobs; see 'squeue --name={0}', and "
+                 "cancel them with 'scancel --name={0}'\n",
+                 name_);
+    throw mapping::Cancelled();
+  }
+
+  [[noreturn]] void fail(const SlurmActions::Failure& failure) const {
+    (void)cancel_jobs(name_, kForAnswer);
+    const Step& step = steps_[failure.step];
+    const std::string code = trimmed(file_text(path(step, failure.number, "failed")));
+    const fs::path log = path(step, failure.number, "log");
+    const std::string said = last_line(end_of(log));
+    throw std::runtime_error(fmt::format(
+        "the unit {} failed {}: {}; see {}, and give the same command again once that is mended",
+        unit_name(step, failure.number),
+        code.empty() ? fmt::format("{} times without saying why", kMostAttempts)
+                     : "with exit code " + code,
+        said.empty() ? "its log is empty" : said, log.string()));
+  }
+
+  /// As a build of one process tells of its stages.
+  void tell(const std::vector<StepState>& states) const {
+    const std::size_t now = first_not_done(states);
+    const Step& step = steps_[now];
+    std::optional<UnitProgress> last;
+    double sum = 0.0;
+    bool waits = true;
+    for (std::size_t number = 1; number <= step.units; ++number) {
+      const UnitState& unit = states[now].units[number - 1];
+      if (unit.is_done) sum += 1.0;
+      if (unit.is_done || unit.tasks.empty()) continue;
+      for (const SlurmTask& task : unit.tasks) waits = waits && task.state == "PENDING";
+      last = progress_in(path(step, number, "progress"), unit_name(step, number));
+      if (last) sum += last->fraction;
+    }
+    constexpr std::size_t kParts = 1000;
+    if (waits)
+      progress_("waiting in Slurm's queue", 0, 0);
+    else if (is_array(step))
+      progress_(step.name == "survey" ? "survey" : "place",
+                static_cast<std::size_t>(kParts * sum / static_cast<double>(step.units)), kParts);
+    else if (last)
+      progress_(last->stage, last->done, last->total);
+  }
+
+  std::string finish(const std::vector<SlurmTask>& tasks) const {
+    std::string said = file_text(path(steps_.back(), 1, "out"));
+    // Attempts that another one overtook.
+    if (!tasks.empty()) (void)cancel_jobs(name_, kForAnswer);
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+    return said;
+  }
+
+  const SlurmBuild& build_;
+  const mapping::ProgressCallback& progress_;
+  const mapping::CancelFlag& cancel_;
+  fs::path folder_;
+  FollowerLock lock_;
+  std::string plan_;
+  std::string name_;
+  std::vector<Step> steps_;
+  bool answers_ = true;
+  int refusals_ = 0;
+};
+
+}  // namespace
+
+void add_executor_options(CLI::App& command, ExecutorArguments& arguments) {
+  auto* executor =
+      command
+          .add_option("--executor", arguments.executor,
+                      "What does the build: process (this one), or slurm (--units shares of it, as "
+                      "jobs that this process submits and follows)")
+          ->capture_default_str()
+          ->check(command_line::one_of({"process", "slurm"}))
+          ->group(kUnitGroup);
+  command
+      .add_option("--slurm-option", arguments.slurm_options,
+                  "An option for sbatch, such as --slurm-option=--partition=long; can be repeated")
+      ->take_all()
+      ->needs(executor)
+      ->group(kUnitGroup);
+}
+
+std::vector<std::string> unit_command(const CLI::App& command,
+                                      const std::vector<std::string>& except) {
+  std::vector<std::string> left_out{"--executor", "--slurm-option", "--progress", "--progress-fd"};
+  left_out.insert(left_out.end(), except.begin(), except.end());
+  std::vector<std::string> words{fs::canonical("/proc/self/exe").string(), command.get_name()};
+  for (std::string& word : command_line::arguments_of(command, left_out))
+    words.push_back(std::move(word));
+  words.insert(words.end(), {"--progress", "json", "--progress-fd", "3"});
+  return words;
+}
+
+fs::path slurm_folder(const fs::path& target) { return maps::hidden_beside(target, ".slurm"); }
+
+std::string build_in_slurm(const SlurmBuild& build, const mapping::ProgressCallback& progress,
+                           const mapping::CancelFlag& cancel) {
+  if (!fs::exists(slurm_folder(build.target))) require_new(build.target);
+  return SlurmJobs(build, progress, cancel).run();
+}
+
+}  // namespace stillmap::mapper

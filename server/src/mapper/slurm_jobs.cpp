@@ -1,0 +1,142 @@
+#include "mapper/slurm_jobs.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <stdexcept>
+
+#include "errors/exit_codes.hpp"
+
+namespace stillmap::mapper {
+namespace {
+
+constexpr std::size_t kFields = 6;
+
+std::optional<std::size_t> number_from(std::string_view text) {
+  std::size_t number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return number;
+}
+
+SlurmTask task_from(std::string_view line) {
+  std::array<std::string_view, kFields> fields;
+  std::string_view rest = line;
+  bool whole = true;
+  for (std::string_view& field : fields) {
+    const std::size_t end = rest.find('|');
+    whole = whole && end != std::string_view::npos;
+    field = rest.substr(0, end);
+    rest.remove_prefix(whole ? end + 1 : rest.size());
+  }
+  const auto [job, task, state, step, reason, restarts] = fields;
+  const std::optional<std::size_t> number = task == "N/A" ? 1 : number_from(task);
+  const std::optional<std::size_t> requeued = number_from(restarts);
+  if (!whole || !rest.empty() || !number_from(job) || !number || !requeued)
+    throw std::runtime_error(fmt::format(
+        "squeue: found '{}', expected {}; use a Slurm of 20.02 or newer", line, kSqueueFormat));
+  return {.id = task == "N/A" ? std::string(job) : fmt::format("{}_{}", job, task),
+          .step = std::string(step),
+          .number = *number,
+          .state = std::string(state),
+          .reason = std::string(reason),
+          .restarts = *requeued};
+}
+
+/// The same would come out again.
+bool is_final(int code) {
+  return code == exit_code::kFailed || code == exit_code::kUsage || code == exit_code::kDiskFull;
+}
+
+bool is_lost(const UnitState& unit, const SlurmTask& task) {
+  return task.state == "RUNNING" &&
+         unit.silent_s > (unit.is_done ? kLostWhenDoneAfterS : kLostAfterS);
+}
+
+/// Slurm lets a task that it has put back wait for two minutes.
+bool waits_for_nothing(const SlurmTask& task) {
+  return task.state == "PENDING" && task.reason == "BeginTime" && task.restarts > 0;
+}
+
+std::vector<std::string> ids_of(const StepState& step) {
+  std::vector<std::string> ids;
+  for (const UnitState& unit : step.units)
+    for (const SlurmTask& task : unit.tasks)
+      if (!is_lost(unit, task)) ids.push_back(task.id);
+  return ids;
+}
+
+bool has_ended(const UnitState& unit) {
+  return std::ranges::all_of(unit.tasks,
+                             [&](const SlurmTask& task) { return is_lost(unit, task); });
+}
+
+/// What is not done and has no job; with `all`, what is not done.
+std::vector<std::size_t> to_submit(const StepState& step, bool all) {
+  std::vector<std::size_t> numbers;
+  for (std::size_t i = 0; i < step.units.size(); ++i)
+    if (!step.units[i].is_done && (all || has_ended(step.units[i]))) numbers.push_back(i + 1);
+  return numbers;
+}
+
+std::optional<SlurmActions::Failure> failure_in(const StepState& step, std::size_t index) {
+  for (const std::size_t number : to_submit(step, false)) {
+    const UnitState& unit = step.units[number - 1];
+    if ((unit.failed && is_final(*unit.failed)) || unit.attempts >= kMostAttempts)
+      return SlurmActions::Failure{index, number};
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::vector<SlurmTask> tasks_from(std::string_view text) {
+  std::vector<SlurmTask> tasks;
+  while (!text.empty()) {
+    const std::size_t end = text.find('\n');
+    const std::string_view line = text.substr(0, end);
+    if (!line.empty()) tasks.push_back(task_from(line));
+    text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+  }
+  return tasks;
+}
+
+std::size_t first_not_done(const std::vector<StepState>& steps) {
+  const auto first = std::ranges::find_if(steps, [](const StepState& step) {
+    return !std::ranges::all_of(step.units, &UnitState::is_done);
+  });
+  return static_cast<std::size_t>(first - steps.begin());
+}
+
+SlurmActions decide(const std::vector<StepState>& steps) {
+  SlurmActions actions;
+  const std::size_t current = first_not_done(steps);
+  actions.is_finished = current == steps.size();
+  if (actions.is_finished) return actions;
+  actions.failure = failure_in(steps[current], current);
+  if (actions.failure) return actions;
+  for (const StepState& step : steps) {
+    for (const UnitState& unit : step.units) {
+      for (const SlurmTask& task : unit.tasks) {
+        if (is_lost(unit, task)) actions.cancel.push_back(task.id);
+        if (waits_for_nothing(task)) actions.start_now.push_back(task.id);
+      }
+    }
+  }
+  bool before_is_new = false;
+  for (std::size_t i = current; i < steps.size(); ++i) {
+    // Behind a job that is submitted, later steps wait for one that has ended: they come anew.
+    const bool is_new = !actions.submit.empty();
+    const std::vector<std::string> ids = ids_of(steps[i]);
+    if (is_new) actions.cancel.insert(actions.cancel.end(), ids.begin(), ids.end());
+    SlurmSubmission submission{.step = i, .numbers = to_submit(steps[i], is_new), .after = {}};
+    if (i > current && !before_is_new) submission.after = ids_of(steps[i - 1]);
+    if (!submission.numbers.empty()) actions.submit.push_back(std::move(submission));
+    before_is_new = is_new;
+  }
+  return actions;
+}
+
+}  // namespace stillmap::mapper

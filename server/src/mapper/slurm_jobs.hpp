@@ -1,0 +1,88 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// What to do about the jobs of a build in Slurm, decided from what is known of them. Nothing here
+/// runs anything (`slurm_build.hpp` does).
+namespace stillmap::mapper {
+
+/// A task of a job that has not ended.
+struct SlurmTask {
+  /// As `scancel` takes it: `12`, or `12_3` in an array.
+  std::string id;
+  /// `survey` of the unit `survey:3`.
+  std::string step;
+  /// 3 of the unit `survey:3`; 1 where a step is one unit.
+  std::size_t number = 1;
+  /// `PENDING`, `RUNNING`, `COMPLETING` and others.
+  std::string state;
+  /// Why it waits.
+  std::string reason;
+  /// How often Slurm has put it back into its queue.
+  std::size_t restarts = 0;
+};
+
+/// What `squeue` is asked for.
+inline constexpr const char* kSqueueFormat =
+    "ArrayJobID:|,ArrayTaskID:|,State:|,Comment:|,Reason:|,RestartCnt:|";
+/// Its answer, a task a line. @throws std::runtime_error for lines of another form.
+[[nodiscard]] std::vector<SlurmTask> tasks_from(std::string_view text);
+
+/// What is known of a unit.
+struct UnitState {
+  bool is_done = false;
+  /// Exit code of the last attempt that failed.
+  std::optional<int> failed;
+  std::vector<SlurmTask> tasks;
+  /// How long a running task of it has shown no life [s].
+  double silent_s = 0.0;
+  /// How often it was submitted although the step before was done.
+  std::size_t attempts = 0;
+};
+/// The units of one step.
+struct StepState {
+  std::string name;
+  std::vector<UnitState> units;
+};
+
+/// The step to do now; `steps.size()` when all are done.
+[[nodiscard]] std::size_t first_not_done(const std::vector<StepState>& steps);
+
+/// Then a unit is not tried again.
+inline constexpr std::size_t kMostAttempts = 5;
+/// A running task that is silent for so long is lost: its programs were killed, and Slurm's
+/// daemon that would have said so, too [s]. Units show life every 10 s.
+inline constexpr double kLostAfterS = 120.0;
+/// The same, for one whose unit is done [s].
+inline constexpr double kLostWhenDoneAfterS = 30.0;
+
+/// Units of one step that become one job.
+struct SlurmSubmission {
+  std::size_t step = 0;
+  std::vector<std::size_t> numbers;
+  /// Tasks that it waits for, besides the submission before this one.
+  std::vector<std::string> after;
+};
+
+struct SlurmActions {
+  bool is_finished = false;
+  /// A unit that will not be tried again.
+  struct Failure {
+    std::size_t step = 0;
+    std::size_t number = 1;
+  };
+  std::optional<Failure> failure;
+  /// Tasks.
+  std::vector<std::string> cancel, start_now;
+  /// In this order. Each waits for the end of the one before.
+  std::vector<SlurmSubmission> submit;
+};
+
+/// @param steps  in order. Each needs all units of the one before.
+[[nodiscard]] SlurmActions decide(const std::vector<StepState>& steps);
+
+}  // namespace stillmap::mapper

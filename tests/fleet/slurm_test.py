@@ -1,0 +1,249 @@
+#!/usr/bin/env python3
+"""Builds maps as jobs of a real Slurm that is killed meanwhile, and so is what follows the jobs.
+
+usage: slurm_test.py STILLMAP DRIVE [TEST...]
+
+Exit code 77: Slurm is not installed.
+"""
+
+import hashlib
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "soak"))
+import slurm_engine  # noqa: E402
+from serving import Server, make_key, tar_of, upload_drive  # noqa: E402
+from slurm_engine import wait_until  # noqa: E402
+
+SKIPPED = 77
+CANCELLED = 130
+UNITS = 6
+# The network's detector: units that last for some seconds can be killed meanwhile.
+OPTIONS = ["--threads", "1"]
+FAST = ["--threads", "1", "--detector", "geometric"]
+# Of a drive for what needs no long units.
+SCANS = 12
+
+
+class Build:
+    """A build in Slurm, followed by a process that may be killed and started again."""
+
+    def __init__(self, slurm, program, drive, folder, name, options, units=UNITS):
+        self.slurm, self.folder, self.map = slurm, folder, folder / name
+        self.jobs = folder / f".{name}.slurm"
+        self.log = folder / f"{name}.log"
+        self.command = [program, "build", str(drive), "-o", str(self.map), "--executor", "slurm", "--units", str(units),
+                        "--slurm-option=--mem=500M", *options]
+        self.drive, self.process = drive, None
+
+    def follow(self):
+        with open(self.log, "ab") as log:
+            self.process = subprocess.Popen(self.command, cwd=self.folder, env=self.slurm.environment,
+                                            stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+        return self
+
+    def queue(self):
+        """@return {(step, task): (job, state)}"""
+        rows = self.slurm.ask("squeue", "-h", "-r", "-O", "Comment:|,ArrayTaskID:|,ArrayJobID:|,State:|").splitlines()
+        return {(step, task): (job, state)
+                for step, task, job, state in (row.split("|")[:4] for row in rows)}
+
+    def running(self, step):
+        """@return a task of the step whose unit is at work, as Slurm names it."""
+        for (of, task), (job, state) in self.queue().items():
+            unit = f"{step}_{task}" if task != "N/A" else step
+            if of == step and state == "RUNNING" and (self.jobs / f"{unit}.progress").exists():
+                return job + (f"_{task}" if task != "N/A" else "")
+        return None
+
+    def wait_running(self, step):
+        return wait_until(lambda: self.running(step) or (self.process.poll() is not None and self.text()), 60,
+                          f"no unit of {step} runs: {self.text()}")
+
+    def text(self):
+        return self.log.read_text(errors="replace")
+
+    def end(self, seconds=200):
+        code = self.process.wait(seconds)
+        return code, self.text()
+
+
+def digest_of(package):
+    return hashlib.sha256((package / "manifest.json").read_bytes()).hexdigest()
+
+
+def whole(program, drive, package, options):
+    subprocess.run([program, "build", drive, "-o", str(package), *options], check=True, capture_output=True)
+    return digest_of(package)
+
+
+def test_kills(slurm, program, drive, folder):
+    expected = whole(program, drive, folder / "whole", OPTIONS)
+    began = time.monotonic()
+
+    def tell(what):
+        print(f"{time.monotonic() - began:5.1f} s: {what}", flush=True)
+
+    build = Build(slurm, program, drive, folder, "town", OPTIONS).follow()
+    task = build.wait_running("survey")
+    submitted = {job for job, _ in build.queue().values()}
+    build.process.kill()
+    build.process.wait()
+    tell("followers killed")
+    build.follow()
+    slurm.ask("scontrol", "requeue", task)
+    tell(f"task {task} put back into the queue")
+    time.sleep(3)
+    assert {job for job, _ in build.queue().values()} <= submitted, "submitted again what was in the queue"
+    slurm.kill("slurmctld")
+    tell("controller killed")
+    time.sleep(3)
+    slurm.start_controller()
+    build.wait_running("survey")
+    slurm.kill("n2")
+    daemons = slurm.step_daemons("n2")
+    for daemon in daemons:
+        os.kill(daemon, signal.SIGKILL)
+    tell(f"node n2 killed with {len(daemons)} daemons of jobs")
+    time.sleep(slurm_engine.NODE_TIMEOUT)
+    slurm.start_node("n2")
+    tell("node n2 started")
+    build.wait_running("finish")
+    for node in slurm_engine.NODES:
+        for daemon in slurm.step_daemons(node)[:1]:
+            os.kill(daemon, signal.SIGKILL)
+            tell(f"a daemon of a job killed on {node}")
+    code, said = build.end()
+    tell("done")
+    assert code == 0, said
+    assert digest_of(build.map) == expected and expected in said, (expected, said)
+    left = [path.name for path in folder.iterdir() if path.name.startswith(".town")]
+    assert not left, left
+    wait_until(lambda: not build.queue(), 20, "jobs are left")
+
+
+def shorter(drive, folder):
+    """The first scans of a drive."""
+    (folder / "velodyne").mkdir(parents=True)
+    for name in ("calib.txt", "poses.txt", "times.txt"):
+        lines = (drive / name).read_text().splitlines(keepends=True)
+        (folder / name).write_text("".join(lines if name == "calib.txt" else lines[:SCANS]))
+    for i in range(SCANS):
+        shutil.copy(drive / f"velodyne/{i:06}.bin", folder / "velodyne")
+    return folder
+
+
+def test_cancel(slurm, program, _, folder):
+    build = Build(slurm, program, folder / "short", folder, "small", FAST, units=2).follow()
+    build.wait_running("survey")
+    build.process.send_signal(signal.SIGTERM)
+    code, said = build.end(5)
+    assert code == CANCELLED and "goes on from there" in said, (code, said)
+    wait_until(lambda: not build.queue(), 20, "jobs were not cancelled")
+    assert not build.map.exists() and (folder / ".small.units").exists()
+
+
+def test_failure(slurm, program, _, folder):
+    """A unit that says no ends the build, and is named with its log."""
+    build = Build(slurm, program, folder / "short", folder, "other", FAST, units=2)
+    subprocess.run([program, "build", build.drive, "-o", str(build.map), *FAST, "--units", "2", "--unit", "poses",
+                    "--loops", "off"], check=True, capture_output=True)
+    code, said = build.follow().end()
+    log = build.jobs / "poses.log"
+    assert code == 1 and "the unit poses failed with exit code 1" in said and str(log) in said, (code, said)
+    assert "another build" in log.read_text() and "another build" in said, said
+    wait_until(lambda: not build.queue(), 20, "jobs are left")
+
+
+def test_refusal(slurm, program, _, folder):
+    """What Slurm will not take is an error, not a wait."""
+    build = Build(slurm, program, folder / "short", folder, "none", [*FAST, "--slurm-option=--partition=none"], units=2).follow()
+    code, said = build.end(60)
+    assert code == 1 and "partition" in said and "--slurm-option" in said, (code, said)
+
+
+def test_server(slurm, program, _, folder):
+    """Jobs of a server that is killed: the next one follows them; a job that is cancelled cancels them."""
+    store = folder / "store"
+    headers = {"Authorization": f"Bearer {make_key(program, store)}"}
+
+    def start(executor):
+        server = Server(program, store, folder / "server.log", environment=slurm.environment, options=[
+            "--jobs-executor", executor, "--jobs-slurm-units", "2", "--jobs-slurm-options=--mem=500M --time=10",
+            "--jobs-cores", "1"])
+        assert server.listen(), (folder / "server.log").read_text()[-2000:]
+        return server
+
+    def rebuild(server, version):
+        asked = json.dumps({"drives": [1], "version": version, "new_frame": True, "options": {"detector": "geometric"}})
+        answer = server.ask("POST", "/v1/maps/town/rebuild", asked, {"Content-Type": "application/json", **headers})
+        assert answer.status == 202, answer.body
+        return f"/v1/jobs/{answer.json['id']}"
+
+    def wait_end(server, job):
+        def ended():
+            found = server.ask("GET", job, headers=headers).json
+            return found if found["status"] not in ("enqueued", "processing") else None
+        return wait_until(ended, 150, f"{job} has no end")
+
+    def wait_jobs(step):
+        def jobs():
+            rows = [row.split("|") for row in slurm.ask("squeue", "-h", "-O", "Comment:|,State:|,ArrayJobID:|").splitlines()]
+            return {row[2] for row in rows} if [step, "RUNNING"] in [row[:2] for row in rows] else None
+        return wait_until(jobs, 60, f"no unit of {step} runs")
+
+    server = start("slurm")
+    upload_drive(server, "town", tar_of(folder / "short"), headers)
+    job = rebuild(server, "v1")
+    submitted = wait_jobs("survey")
+    server.kill()
+    assert slurm.ask("squeue", "-h").strip(), "a server that was killed took its jobs in the cluster with it"
+    server = start("slurm")
+    time.sleep(4)
+    left = {row.strip() for row in slurm.ask("squeue", "-h", "-O", "ArrayJobID").splitlines()}
+    assert left and left <= submitted, (left, submitted)
+    clustered = wait_end(server, job)
+    assert clustered["status"] == "succeeded", clustered
+    job = rebuild(server, "v2")
+    wait_jobs("poses")
+    answer = server.ask("POST", f"{job}/cancel", headers=headers)
+    assert answer.status // 100 == 2, answer.body
+    assert wait_end(server, job)["status"] == "canceled"
+    wait_until(lambda: not slurm.ask("squeue", "-h").strip(), 20, "jobs were not cancelled")
+    assert server.stop() == 0
+    server = start("process")
+    alone = wait_end(server, rebuild(server, "v3"))
+    assert alone["status"] == "succeeded", alone
+    assert alone["result"]["digest"] == clustered["result"]["digest"], (alone, clustered)
+    assert server.stop() == 0
+
+
+def main():
+    program, drive = (pathlib.Path(word).resolve() for word in sys.argv[1:3])
+    if slurm_engine.missing():
+        print(f"not installed: {' '.join(slurm_engine.missing())}; ./dev fleet installs them")
+        return SKIPPED
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        folder.chmod(0o755)
+        (folder / "maps").mkdir()
+        shorter(drive, folder / "maps" / "short")
+        with slurm_engine.Slurm(folder / "slurm") as slurm:
+            for test in (test_cancel, test_failure, test_refusal, test_server, test_kills):
+                if sys.argv[3:] and test.__name__ not in sys.argv[3:]:
+                    continue
+                began = time.monotonic()
+                test(slurm, program, drive, folder / "maps")
+                print(f"{test.__name__}: {time.monotonic() - began:.1f} s", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

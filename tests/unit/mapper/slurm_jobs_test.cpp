@@ -1,0 +1,198 @@
+#include "mapper/slurm_jobs.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "errors/exit_codes.hpp"
+
+namespace stillmap::mapper {
+namespace slurm_jobs_test {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+/// The five steps of a build of two shares; nothing is done, and nothing is submitted.
+std::vector<StepState> steps() {
+  std::vector<StepState> steps;
+  for (const char* name : {"poses", "survey", "fuse", "finish", "merge"}) {
+    const std::string text = name;
+    steps.push_back({text, std::vector<UnitState>(text == "survey" || text == "finish" ? 2 : 1)});
+  }
+  return steps;
+}
+
+enum Step : std::size_t { kPoses, kSurvey, kFuse, kFinish, kMerge };
+
+SlurmTask task(std::string id, std::string state = "PENDING", std::string reason = "Dependency") {
+  return {.id = std::move(id),
+          .step = {},
+          .number = 1,
+          .state = std::move(state),
+          .reason = std::move(reason),
+          .restarts = 0};
+}
+
+/// All five jobs are in Slurm, 1 to 5, and the first step is done.
+std::vector<StepState> surveying() {
+  std::vector<StepState> all = steps();
+  all[kPoses].units[0].is_done = true;
+  all[kSurvey].units[0].tasks = {task("2_1", "RUNNING", "None")};
+  all[kSurvey].units[1].tasks = {task("2_2", "RUNNING", "None")};
+  all[kFuse].units[0].tasks = {task("3")};
+  all[kFinish].units[0].tasks = {task("4_1")};
+  all[kFinish].units[1].tasks = {task("4_2")};
+  all[kMerge].units[0].tasks = {task("5")};
+  return all;
+}
+
+void expect_nothing(const SlurmActions& actions) {
+  EXPECT_FALSE(actions.is_finished);
+  EXPECT_FALSE(actions.failure);
+  EXPECT_THAT(actions.cancel, IsEmpty());
+  EXPECT_THAT(actions.start_now, IsEmpty());
+  EXPECT_THAT(actions.submit, IsEmpty());
+}
+
+TEST(SlurmQueue, IsReadTaskByTask) {
+  const auto tasks = tasks_from(
+      "7|N/A|PENDING|poses|None|0|\n"
+      "8|12|RUNNING|survey|BeginTime|3|\n");
+  ASSERT_THAT(tasks, SizeIs(2));
+  EXPECT_EQ(tasks[0].id, "7");
+  EXPECT_EQ(tasks[0].step, "poses");
+  EXPECT_EQ(tasks[0].number, 1U);
+  EXPECT_EQ(tasks[1].id, "8_12");
+  EXPECT_EQ(tasks[1].number, 12U);
+  EXPECT_EQ(tasks[1].state, "RUNNING");
+  EXPECT_EQ(tasks[1].reason, "BeginTime");
+  EXPECT_EQ(tasks[1].restarts, 3U);
+  EXPECT_THAT(tasks_from(""), IsEmpty());
+}
+
+TEST(SlurmQueue, OfAnotherFormIsRefused) {
+  for (const char* text :
+       {"8|1|RUNNING|survey|None|", "8|1|RUNNING|survey|None|0|more|", "x|1|RUNNING|survey|None|0|",
+        "8|1-4|RUNNING|survey|None|0|", "8|1|RUNNING|survey|None||", "slurm_load_jobs error"})
+    EXPECT_THROW((void)tasks_from(text), std::runtime_error) << text;
+}
+
+TEST(SlurmDecision, SubmitsFiveStepsThatWaitForEachOther) {
+  const SlurmActions actions = decide(steps());
+  ASSERT_THAT(actions.submit, SizeIs(5));
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(actions.submit[i].step, i);
+    EXPECT_THAT(actions.submit[i].after, IsEmpty());
+  }
+  EXPECT_THAT(actions.submit[kPoses].numbers, ElementsAre(1));
+  EXPECT_THAT(actions.submit[kSurvey].numbers, ElementsAre(1, 2));
+  EXPECT_THAT(actions.cancel, IsEmpty());
+}
+
+TEST(SlurmDecision, LeavesAloneWhatRuns) { expect_nothing(decide(surveying())); }
+
+TEST(SlurmDecision, GoesOnWhereASubmissionWasInterrupted) {
+  auto all = surveying();
+  all[kFinish].units[0].tasks = {};
+  all[kFinish].units[1].tasks = {};
+  all[kMerge].units[0].tasks = {};
+  const SlurmActions actions = decide(all);
+  ASSERT_THAT(actions.submit, SizeIs(2));
+  EXPECT_EQ(actions.submit[0].step, kFinish);
+  EXPECT_THAT(actions.submit[0].after, ElementsAre("3"));
+  EXPECT_EQ(actions.submit[1].step, kMerge);
+  EXPECT_THAT(actions.submit[1].after, IsEmpty());
+  EXPECT_THAT(actions.cancel, IsEmpty());
+}
+
+TEST(SlurmDecision, SubmitsAUnitThatEndedAgainAndWhatWaitedForIt) {
+  auto all = surveying();
+  all[kSurvey].units[1].tasks = {};
+  const SlurmActions actions = decide(all);
+  EXPECT_THAT(actions.cancel, ElementsAre("3", "4_1", "4_2", "5"));
+  ASSERT_THAT(actions.submit, SizeIs(4));
+  EXPECT_EQ(actions.submit[0].step, kSurvey);
+  EXPECT_THAT(actions.submit[0].numbers, ElementsAre(2));
+  EXPECT_THAT(actions.submit[0].after, IsEmpty());
+  // It waits for the share that still runs, too.
+  EXPECT_EQ(actions.submit[1].step, kFuse);
+  EXPECT_THAT(actions.submit[1].after, ElementsAre("2_1"));
+  EXPECT_THAT(actions.submit[2].after, IsEmpty());
+  EXPECT_THAT(actions.submit[2].numbers, ElementsAre(1, 2));
+}
+
+TEST(SlurmDecision, DoesNotSubmitAgainWhatIsDone) {
+  auto all = surveying();
+  all[kSurvey].units[0] = {.is_done = true, .failed = {}, .tasks = {}};
+  expect_nothing(decide(all));
+}
+
+TEST(SlurmDecision, StartsWhatSlurmHasPutBackAtOnce) {
+  auto all = surveying();
+  SlurmTask& back = all[kSurvey].units[0].tasks[0];
+  back = task("2_1", "PENDING", "BeginTime");
+  // Somebody wants it to begin later.
+  expect_nothing(decide(all));
+  back.restarts = 1;
+  EXPECT_THAT(decide(all).start_now, ElementsAre("2_1"));
+  back.reason = "Resources";
+  expect_nothing(decide(all));
+}
+
+TEST(SlurmDecision, EndsWithAUnitThatWouldFailAgain) {
+  for (const int code : {exit_code::kFailed, exit_code::kUsage, exit_code::kDiskFull}) {
+    auto all = surveying();
+    all[kSurvey].units[1] = {.is_done = false, .failed = code, .tasks = {}};
+    const SlurmActions actions = decide(all);
+    ASSERT_TRUE(actions.failure) << code;
+    EXPECT_EQ(actions.failure->step, kSurvey);
+    EXPECT_EQ(actions.failure->number, 2U);
+    EXPECT_THAT(actions.submit, IsEmpty());
+  }
+}
+
+TEST(SlurmDecision, TriesAgainWhatWasKilled) {
+  auto all = surveying();
+  all[kSurvey].units[1] = {.is_done = false, .failed = 137, .tasks = {}};
+  EXPECT_FALSE(decide(all).failure);
+  EXPECT_THAT(decide(all).submit, SizeIs(4));
+  all[kSurvey].units[1].attempts = kMostAttempts;
+  EXPECT_TRUE(decide(all).failure);
+  // Its last attempt is on its way.
+  all[kSurvey].units[1].tasks = {task("9_2")};
+  expect_nothing(decide(all));
+}
+
+TEST(SlurmDecision, CancelsATaskThatIsLostAndSubmitsItsUnitAgain) {
+  auto all = surveying();
+  all[kSurvey].units[1].silent_s = kLostAfterS;
+  expect_nothing(decide(all));
+  all[kSurvey].units[1].silent_s = kLostAfterS + 1.0;
+  const SlurmActions actions = decide(all);
+  EXPECT_THAT(actions.cancel, ElementsAre("2_2", "3", "4_1", "4_2", "5"));
+  ASSERT_THAT(actions.submit, SizeIs(4));
+  EXPECT_THAT(actions.submit[0].numbers, ElementsAre(2));
+  EXPECT_THAT(actions.submit[1].after, ElementsAre("2_1"));
+}
+
+TEST(SlurmDecision, CancelsATaskThatIsLostThoughItsUnitIsDone) {
+  auto all = surveying();
+  all[kSurvey].units[1].is_done = true;
+  all[kSurvey].units[1].silent_s = kLostWhenDoneAfterS + 1.0;
+  const SlurmActions actions = decide(all);
+  EXPECT_THAT(actions.cancel, ElementsAre("2_2"));
+  EXPECT_THAT(actions.submit, IsEmpty());
+}
+
+TEST(SlurmDecision, IsFinishedWithTheLastUnit) {
+  auto all = surveying();
+  for (StepState& step : all)
+    for (UnitState& unit : step.units) unit.is_done = true;
+  EXPECT_TRUE(decide(all).is_finished);
+  EXPECT_EQ(first_not_done(all), all.size());
+}
+
+}  // namespace slurm_jobs_test
+}  // namespace stillmap::mapper
