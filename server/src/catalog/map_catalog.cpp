@@ -90,18 +90,6 @@ ServedVersion MapCatalog::find(std::string_view map) const {
 
 ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
   const Key key(map, version);
-  const auto told = store_.state().told_mark();
-  {
-    // Nobody has changed anything since: vehicles that name their version do not wait for the
-    // state.
-    const std::scoped_lock lock(mutex_);
-    const auto found = slots_.find(key);
-    if (told && found != slots_.end() && found->second.seen_at == told &&
-        found->second.served.package) {
-      found->second.last_use = ++uses_;
-      return found->second.served;
-    }
-  }
   try {
     // It may be open still and yet be removed.
     (void)store_.state().version(map, version);
@@ -112,8 +100,6 @@ ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
   }
   ServedVersion served = open(key).served;
   if (!served.package) throw unusable(served);
-  const std::scoped_lock lock(mutex_);
-  if (const auto found = slots_.find(key); found != slots_.end()) found->second.seen_at = told;
   return served;
 }
 
@@ -145,7 +131,7 @@ ServedVersion MapCatalog::find_for(std::string_view map, std::string_view vehicl
 
 ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_view> version,
                                 std::string_view vehicle, std::int64_t seen_revision) {
-  ServedVersion served = version ? find(map, *version) : find_for(map, vehicle);
+  ServedVersion served = version ? named(map, *version) : find_for(map, vehicle);
   if (!version) require_revision(served, seen_revision);
   if (served.state == MapState::kReady) return served;
   if (served.state == MapState::kFailed) throw unusable(served);
@@ -160,6 +146,20 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
                  version_text(served.map, served.version) +
                      " is still being loaded; send the request again after Retry-After")
       .with_header("Retry-After", "1");
+}
+
+/// No vehicle waits for a state that does not answer: where servers share one, a version that is
+/// ready is good for poses until this has noticed that it was removed.
+ServedVersion MapCatalog::named(std::string_view map, std::string_view version) {
+  if (store_.state().is_shared()) {
+    const std::scoped_lock lock(mutex_);
+    const auto found = slots_.find(Key(map, version));
+    if (found != slots_.end() && found->second.served.state == MapState::kReady) {
+      found->second.last_use = ++uses_;
+      return found->second.served;
+    }
+  }
+  return find(map, version);
 }
 
 /// @throws ApiError kMapLoading for a map whose newer version the store has and this does not
@@ -425,14 +425,16 @@ void MapCatalog::notice_replaced() {
   }
   for (const auto& [key, copy] : open) {
     const std::uint64_t now = copy_of(store_, key.first, key.second);
-    if (now == 0 || now == copy) continue;
+    // Removed: `named` does not ask.
+    const bool is_gone = now == 0;
+    if (now == copy || (is_gone && !store_.state().is_shared())) continue;
     const std::scoped_lock lock(mutex_);
     const auto slot = slots_.find(key);
     if (slot == slots_.end() || slot->second.served.state == MapState::kLoading) continue;
-    if (is_served(key) || is_rolled_out(key))
-      slot->second.replaced = true;
-    else
+    if (!is_served(key) && !is_rolled_out(key))
       slots_.erase(slot);
+    else if (!is_gone)
+      slot->second.replaced = true;
     changed_.notify_all();
   }
 }

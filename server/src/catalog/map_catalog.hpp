@@ -186,8 +186,6 @@ class MapCatalog {
   struct Slot {
     ServedVersion served;
     std::uint64_t last_use = 0;
-    /// As of `StoreState::told_mark`, when the store had this version.
-    std::optional<std::int64_t> seen_at{};
     /// The store has another copy now, which must be loaded.
     bool replaced = false;
     /// No trusted key has signed it.
@@ -209,6 +207,7 @@ class MapCatalog {
   void follow_sets();
   void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
   void notice_replaced();
+  [[nodiscard]] ServedVersion named(std::string_view map, std::string_view version);
   void notice_trust();
   [[nodiscard]] std::string shown(const std::exception& error) const;
   [[nodiscard]] Slot opened(const Key& key) const;

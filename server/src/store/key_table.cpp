@@ -3,8 +3,11 @@
 #include <openssl/crypto.h>
 
 #include <algorithm>
+#include <chrono>
 #include <stdexcept>
+#include <utility>
 
+#include <stillmap/maps/error.hpp>
 #include <stillmap/maps/sha256.hpp>
 #include "store/ids_and_times.hpp"
 #include "store/postgres_database.hpp"
@@ -161,6 +164,7 @@ KeyTable::Created KeyTable::create(std::string_view name, KeyScopes scopes,
       .bind(text_of(maps))
       .step();
   writing.commit();
+  note_change();
   return created;
 }
 
@@ -187,6 +191,7 @@ ApiKey KeyTable::revoke(std::string_view id, std::int64_t now_ns) {
         .bind(id)
         .step();
     writing.commit();
+    note_change();
     return key;
   });
 }
@@ -216,33 +221,65 @@ KeyCheck KeyTable::check(std::string_view text, std::int64_t now_ns) const {
 
 bool KeyTable::any() const { return !known()->empty(); }
 
-std::shared_ptr<const KeyTable::KnownKeys> KeyTable::known_at(std::int64_t mark) const {
-  const std::scoped_lock lock(mutex_);
-  return known_at_ == mark ? known_ : nullptr;
+std::shared_ptr<const KeyTable::KnownKeys> KeyTable::known() const {
+  if (!database_->told_mark()) return read();
+  {
+    // No vehicle waits for a PostgreSQL that does not answer.
+    const std::scoped_lock lock(mutex_);
+    if (known_ && known_at_ >= needed_at_) return known_;
+  }
+  auto keys = read();
+  std::call_once(is_followed_, [&] {
+    follower_ = std::jthread([this](const std::stop_token& stop) { follow(stop); });
+  });
+  return keys;
 }
 
-std::shared_ptr<const KeyTable::KnownKeys> KeyTable::known() const {
-  // Whoever reads beside may wait for a PostgreSQL that was cut off, and a vehicle must not.
-  if (const auto told = database_->told_mark())
-    if (auto keys = known_at(*told)) return keys;
+std::shared_ptr<const KeyTable::KnownKeys> KeyTable::read() const {
   const ReadingBeside reading(*database_);
   try {
     // It changes with every commit of another connection, and all that change anything are others.
     const std::int64_t at = reading.database().change_mark();
-    if (auto keys = known_at(at)) return keys;
+    {
+      const std::scoped_lock lock(mutex_);
+      if (known_ && at == known_at_) return known_;
+    }
     auto keys = std::make_shared<KnownKeys>();
     Statement row(reading.database(), kSelectKeys);
     while (row.step()) keys->insert_or_assign(row.text(0), Known{key_of(row), row.text(6)});
     const std::scoped_lock lock(mutex_);
     known_ = std::move(keys);
     known_at_ = at;
+    return known_;
   } catch (const StateAway&) {
     // Vehicles are localized on while the state is away.
     const std::scoped_lock lock(mutex_);
     if (!known_) throw;
+    return known_;
   }
+}
+
+void KeyTable::follow(const std::stop_token& stop) const {
+  constexpr std::chrono::milliseconds kLookEvery(20), kTryAgain(500);
+  const auto is_new = [&] {
+    const std::scoped_lock lock(mutex_);
+    return known_at_ != database_->told_mark();
+  };
+  while (!stop.stop_requested()) {
+    std::this_thread::sleep_for(kLookEvery);
+    if (!is_new()) continue;
+    try {
+      (void)read();
+    } catch (const maps::StorageError&) {
+      // The keys that are known count on; what watches PostgreSQL says that it is away.
+    }
+    if (is_new()) std::this_thread::sleep_for(kTryAgain);
+  }
+}
+
+void KeyTable::note_change() {
   const std::scoped_lock lock(mutex_);
-  return known_;
+  needed_at_ = database_->told_mark().value_or(0);
 }
 
 }  // namespace stillmap::server

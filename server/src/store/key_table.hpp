@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <vector>
 
 namespace stillmap::server {
@@ -105,12 +106,19 @@ class KeyTable {
   };
   using KnownKeys = std::map<std::string, Known, std::less<>>;
   [[nodiscard]] std::shared_ptr<const KnownKeys> known() const;
-  /// Null when they were read at another mark.
-  [[nodiscard]] std::shared_ptr<const KnownKeys> known_at(std::int64_t mark) const;
+  /// The same, as the database has them now.
+  [[nodiscard]] std::shared_ptr<const KnownKeys> read() const;
+  void follow(const std::stop_token& stop) const;
+  void note_change();
   mutable std::mutex mutex_;
   /// By id, and the database's mark when they were read.
   mutable std::shared_ptr<const KnownKeys> known_;
   mutable std::int64_t known_at_ = 0;
+  /// After the newest change that was made here, which counts at once.
+  std::int64_t needed_at_ = 0;
+  mutable std::once_flag is_followed_;
+  /// Reads again what others change in PostgreSQL. Last: it uses all of the above.
+  mutable std::jthread follower_;
 };
 
 }  // namespace stillmap::server

@@ -170,8 +170,6 @@ std::shared_ptr<void> StoreState::lock_of_packages() const {
 
 bool StoreState::is_shared() const { return !inner_->database.is_sqlite(); }
 
-std::optional<std::int64_t> StoreState::told_mark() const { return inner_->database.told_mark(); }
-
 KeyTable& StoreState::keys() { return inner_->keys; }
 JobTable& StoreState::jobs() { return inner_->jobs; }
 DriveTable& StoreState::drives() { return inner_->drives; }

@@ -92,8 +92,6 @@ class StoreState {
   [[nodiscard]] std::shared_ptr<void> lock_of_packages() const;
   /// Whether servers with folders of their own may share it.
   [[nodiscard]] bool is_shared() const;
-  /// As `StoreDatabase::told_mark`.
-  [[nodiscard]] std::optional<std::int64_t> told_mark() const;
   /// Why it is in memory only; empty when it is not.
   [[nodiscard]] const std::string& read_only_because() const;
 
