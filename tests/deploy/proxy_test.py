@@ -40,7 +40,7 @@ SHORTER = {
 # What either server may be asked; every other route of /openapi.json must find the first one.
 POSES = {("POST", f"/v1/maps/{{map}}/{what}") for what in (
     "localize", "localize/batch", "localize/next", "versions/{version}/localize", "versions/{version}/localize/batch",
-    "versions/{version}/localize/next", "tiles/diff")}
+    "versions/{version}/localize/next", "tiles/diff")} | {("POST", "/v1/localize"), ("POST", "/v1/localize/next")}
 READS = {("GET", f"/v1/maps/{{map}}/{what}") for what in (
     "ready", "rollout", "stats", "vehicles", "versions", "versions/{version}", "versions/{version}/content", "versions/{version}/delta",
     "versions/{version}/files/{checksum}", "versions/{version}/preview", "versions/{version}/signatures",
@@ -50,7 +50,8 @@ READS = {("GET", f"/v1/maps/{{map}}/{what}") for what in (
     "versions/{version}/3dtiles/tileset.json", "versions/{version}/3dtiles/{level}/{x}/{y}.glb",
     "versions/{version}/3dtiles/{level}/{x}/{y}.json", "versions/{version}/difference/{other}",
     "versions/{version}/difference/{other}/{side}/{x}/{y}.glb", "tiles/{level}/{x}/{y}")} | {
-    ("GET", path) for path in ("/livez", "/healthz", "/readyz", "/openapi.json", "/v1/status", "/v1/maps", "/v1/maps/{map}")}
+    ("GET", path) for path in ("/livez", "/healthz", "/readyz", "/openapi.json", "/v1/status", "/v1/maps", "/v1/maps/{map}", "/v1/sets",
+                            "/v1/sets/{set}")}
 SESSIONS = {("POST", "/v1/sessions"), ("GET", "/v1/sessions"), ("GET", "/v1/sessions/{session}"),
             ("DELETE", "/v1/sessions/{session}"), ("POST", "/v1/sessions/{session}/scans"),
             ("POST", "/v1/sessions/{session}/initialize"), ("GET", "/v1/sessions/{session}/events")}

@@ -533,10 +533,10 @@ TEST_F(SessionTableTest, AKeyHoldsNoMoreThanItsShare) {
 TEST_F(SessionTableTest, AnotherVersionOfTheMapBecomesAnEventOnce) {
   SessionTable table({}, queue_);
   const std::shared_ptr<Session> session = table.open(map(), {.owner = ""});
-  session->note_active_version(session->map().version);
+  session->note_active_version("town", session->map().version);
   EXPECT_TRUE(session->events().after(0, std::chrono::milliseconds(0)).events.empty());
-  session->note_active_version("0123456789ab");
-  session->note_active_version("0123456789ab");
+  session->note_active_version("town", "0123456789ab");
+  session->note_active_version("town", "0123456789ab");
   const auto read = session->events().after(0, std::chrono::milliseconds(0));
   ASSERT_EQ(read.events.size(), 1U);
   EXPECT_EQ(read.events[0].type, "version_activated");
