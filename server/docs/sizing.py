@@ -216,6 +216,7 @@ def measure_state(program, address, psql, map_folder, scans):
             changed = transactions() - begun - 1 - idle * (time.monotonic() - begun_s)
             bytes_after = number("SELECT pg_database_size(current_database())")
             begun, begun_s = transactions(), time.monotonic()
+            connection = Connection(server.port)  # the one before has idled for too long
             for _, body, kind in scans:
                 connection.ask("POST", f"{LOCALIZE}?prior_t=0,0,0&prior_q=0,0,0,1", body, {"Content-Type": kind})
             asked = transactions() - begun - 1 - idle * (time.monotonic() - begun_s)

@@ -40,7 +40,7 @@ SHORTER = {
 # What either server may be asked; every other route of /openapi.json must find the first one.
 POSES = {("POST", f"/v1/maps/{{map}}/{what}") for what in (
     "localize", "localize/batch", "localize/next", "versions/{version}/localize", "versions/{version}/localize/batch",
-    "versions/{version}/localize/next", "tiles/diff")}
+    "versions/{version}/localize/next", "tiles/diff")} | {("POST", "/v1/localize"), ("POST", "/v1/localize/next")}
 READS = {("GET", f"/v1/maps/{{map}}/{what}") for what in (
     "ready", "rollout", "stats", "vehicles", "versions", "versions/{version}", "versions/{version}/content", "versions/{version}/delta",
     "versions/{version}/files/{checksum}", "versions/{version}/preview", "versions/{version}/signatures",
@@ -314,6 +314,11 @@ class BeforeSharedState(Proxy):
         self.assertEqual(servers_of([(f"{town}?vehicle=v1&stamp_ns={i}", {}) for i in range(12)]), 1)
         self.assertEqual(servers_of([(f"{town}?vehicle=v{i}", {}) for i in range(24)]), 3)
         self.assertEqual(servers_of([(town, {"Stillmap-Seal": f"seal{i}"}) for i in range(12)]), 1)
+        in_set = "/v1/localize/next?set=city"
+        self.assertEqual(servers_of([(in_set, {"Stillmap-Region": f"{i},-4"}) for i in range(24)]), 3)
+        both = [(in_set, {"Stillmap-Region": "3,-4"}), ("/v1/localize?set=city", {"Stillmap-Region": "3,-4"})]
+        self.assertEqual(servers_of(both * 6), 1)
+        self.assertEqual(servers_of([(f"/v1/localize?set=city{i}", {"Stillmap-Region": "3,-4"}) for i in range(24)]), 3)
 
     def test_a_change_is_sent_once_and_a_pose_again(self):
         self.servers[0].dies = True
