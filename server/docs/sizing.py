@@ -197,7 +197,7 @@ def measure_state(program, address, psql, map_folder, scans):
         return int(run(psql, address, "-Atc", query))
 
     def transactions():
-        time.sleep(1.5)  # PostgreSQL counts them late
+        time.sleep(12)  # PostgreSQL counts what a connection did up to 10 s later
         return number("SELECT xact_commit FROM pg_stat_database WHERE datname = current_database()")
 
     with tempfile.TemporaryDirectory() as folder:

@@ -361,7 +361,7 @@ class Coverage(unittest.TestCase):
         self.assertEqual(found.pop("events"), [[4, "status", {"status": "ok"}], [None, "gap", {"missed": 1}],
                                                [9, "closed", {"reason": "deleted"}]])
         self.assertEqual((found.pop("bytes"), (self.folder / "v1.tar").read_bytes()), (len(PACKAGE), PACKAGE))
-        for name in ("localize", "trackScan", "trackSealed", "trackSealedInVersion"):
+        for name in ("localize", "trackScan", "trackSealed", "trackSealedInVersion", "localizeInSet", "trackSealedInSet"):
             self.check_geopose(found.pop("geopose " + name), name)
         self.check_answers(found)
 

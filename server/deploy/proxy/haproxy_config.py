@@ -114,9 +114,9 @@ UPLOADS_RULE = """\
 
 POSES = """
 backend poses
-  # The poses of one map, or set, and region reach one server, whose memory then holds that part. Without the header the label of
-  # the vehicle counts, which moves little between two scans; without that the map. A seal is another one each time, so
-  # it is no use.
+  # The poses of one map, or set, and region reach one server, whose memory then holds that part. Without the header the
+  # label of the vehicle counts, which moves little between two scans; without that the map. A seal is another one each
+  # time, so it is no use.
   http-request set-var(txn.place) url_param(vehicle)
   http-request set-var(txn.place) req.fhdr(Stillmap-Region) if {{ req.fhdr(Stillmap-Region) -m found }}
   http-request set-var(txn.map) url_param(set)
