@@ -340,8 +340,9 @@ class BeforeSharedState(Proxy):
             self.ask("POST", f"/v1/sessions/s{number}/scans", b"x")
             self.assertEqual(sum(len(server.asked) for server in self.servers), 1)
 
-    def test_the_dashboard_names_what_it_tells_prometheus(self):
-        dashboard = (support.DEPLOY / "monitoring/grafana/stillmap.json").read_text()
+    def test_dashboard_and_alerts_name_what_it_tells_prometheus(self):
+        monitoring = support.DEPLOY / "monitoring"
+        dashboard = (monitoring / "grafana/stillmap.json").read_text() + (monitoring / "stillmap.rules.yml").read_text()
         port = re.search(r"frontend metrics\n  bind 127.0.0.1:(\d+)", (self.folder / "haproxy.conf").read_text())[1]
         status, told = support.get(int(port), "/metrics")
         self.assertEqual((status, support.get(int(port), "/")[0]), (200, 403))
