@@ -51,14 +51,17 @@ class Connection:
     def __init__(self, port, context=None):
         self.http = (http.client.HTTPSConnection("127.0.0.1", port, timeout=120, context=context) if context else
                      http.client.HTTPConnection("127.0.0.1", port, timeout=120))
-        self.bytes_in = self.bytes_out = 0
+        self.bytes_in, self.bytes_out, self.used_s = 0, 0, 0.0
 
     def ask(self, method, path, body=b"", headers=None):
         """@return status, body and headers; a busy server is asked again."""
+        if time.monotonic() > self.used_s + 1:
+            self.http.close()  # the server ends idle connections; `request` opens a new one
         for _ in range(600):
             self.http.request(method, path, body, headers or {})
             answer = self.http.getresponse()
             text = answer.read()
+            self.used_s = time.monotonic()
             if answer.status != 503:
                 break
             time.sleep(0.1)
@@ -216,7 +219,6 @@ def measure_state(program, address, psql, map_folder, scans):
             changed = transactions() - begun - 1 - idle * (time.monotonic() - begun_s)
             bytes_after = number("SELECT pg_database_size(current_database())")
             begun, begun_s = transactions(), time.monotonic()
-            connection = Connection(server.port)  # the one before has idled for too long
             for _, body, kind in scans:
                 connection.ask("POST", f"{LOCALIZE}?prior_t=0,0,0&prior_q=0,0,0,1", body, {"Content-Type": kind})
             asked = transactions() - begun - 1 - idle * (time.monotonic() - begun_s)
