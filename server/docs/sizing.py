@@ -51,14 +51,17 @@ class Connection:
     def __init__(self, port, context=None):
         self.http = (http.client.HTTPSConnection("127.0.0.1", port, timeout=120, context=context) if context else
                      http.client.HTTPConnection("127.0.0.1", port, timeout=120))
-        self.bytes_in = self.bytes_out = 0
+        self.bytes_in, self.bytes_out, self.used_s = 0, 0, 0.0
 
     def ask(self, method, path, body=b"", headers=None):
         """@return status, body and headers; a busy server is asked again."""
+        if time.monotonic() > self.used_s + 1:
+            self.http.close()  # the server ends idle connections; `request` opens a new one
         for _ in range(600):
             self.http.request(method, path, body, headers or {})
             answer = self.http.getresponse()
             text = answer.read()
+            self.used_s = time.monotonic()
             if answer.status != 503:
                 break
             time.sleep(0.1)
@@ -191,17 +194,18 @@ def measure_build(program, drive, options):
             "work_bytes_per_scan": (estimate["work_bytes"] + estimate["package_bytes"]) / estimate["scans"]}
 
 
-def measure_state(program, address, psql):
+def measure_state(program, address, psql, map_folder, scans):
     """What a server asks of PostgreSQL, and what a change leaves there. The database must be empty."""
     def number(query):
         return int(run(psql, address, "-Atc", query))
 
     def transactions():
-        time.sleep(1.5)  # PostgreSQL counts them late
+        time.sleep(12)  # PostgreSQL counts what a connection did up to 10 s later
         return number("SELECT xact_commit FROM pg_stat_database WHERE datname = current_database()")
 
     with tempfile.TemporaryDirectory() as folder:
         run(program, "store", "attach", folder, address)
+        run(program, "store", "add", folder, "town", "v1", map_folder, "--activate")
         server = Server(program, folder, [])
         try:
             begun, begun_s = transactions(), time.monotonic()
@@ -214,11 +218,15 @@ def measure_state(program, address, psql):
                 assert connection.ask("PUT", f"/v1/maps/m{i}")[0] == 201
             changed = transactions() - begun - 1 - idle * (time.monotonic() - begun_s)
             bytes_after = number("SELECT pg_database_size(current_database())")
+            begun, begun_s = transactions(), time.monotonic()
+            for _, body, kind in scans:
+                connection.ask("POST", f"{LOCALIZE}?prior_t=0,0,0&prior_q=0,0,0,1", body, {"Content-Type": kind})
+            asked = transactions() - begun - 1 - idle * (time.monotonic() - begun_s)
         finally:
             server.process.terminate()
             server.process.wait(60)
     return {"transactions_per_s_of_a_server": idle, "transactions_per_change": changed / count,
-            "bytes_per_change": (bytes_after - bytes_before) / count}
+            "transactions_per_pose": max(0, asked / len(scans)), "bytes_per_change": (bytes_after - bytes_before) / count}
 
 
 def measure_proxy(haproxy, server, scans):
@@ -282,7 +290,7 @@ def measure(arguments):
             server.process.terminate()
             server.process.wait(60)
     if arguments.state:
-        found["state"] = measure_state(arguments.stillmap, arguments.state, arguments.psql)
+        found["state"] = measure_state(arguments.stillmap, arguments.state, arguments.psql, arguments.map, scans)
     if not arguments.no_build:
         found["build"] = measure_build(arguments.stillmap, arguments.drive, arguments.build_option)
     print(json.dumps(found, indent=1))
@@ -358,9 +366,11 @@ def rows_of_bytes(measured, wanted):
 
 def rows_of_state(state, wanted, servers):
     idle, of_change = state["transactions_per_s_of_a_server"], state["transactions_per_change"]
+    of_poses = wanted.vehicles * wanted.hz * state["transactions_per_pose"]
     changes = f"{wanted.changes_per_day} changes a day (--changes-per-day)"
-    yield ("PostgreSQL, transactions", f"{servers * idle + wanted.changes_per_day / 86400 * of_change:.1f} /s",
-           f"{servers} servers x {idle:.2f} /s (measured, idle); {changes} x {of_change:.1f} (measured); poses: none")
+    yield ("PostgreSQL, transactions", f"{servers * idle + wanted.changes_per_day / 86400 * of_change + of_poses:.0f} /s",
+           f"{servers} servers x {idle:.1f} /s (measured, idle); {changes} x {of_change:.1f} (measured); "
+           f"poses x {state['transactions_per_pose']:.2f} (measured)")
     yield ("PostgreSQL, size after a year", size(365 * wanted.changes_per_day * state["bytes_per_change"]),
            f"{changes} x {size(state['bytes_per_change'])} (measured, with the audit record)")
 

@@ -315,6 +315,11 @@ class BeforeSharedState(Proxy):
         self.assertEqual(servers_of([(f"{town}?vehicle=v1&stamp_ns={i}", {}) for i in range(12)]), 1)
         self.assertEqual(servers_of([(f"{town}?vehicle=v{i}", {}) for i in range(24)]), 3)
         self.assertEqual(servers_of([(town, {"Stillmap-Seal": f"seal{i}"}) for i in range(12)]), 1)
+        in_set = "/v1/localize/next?set=city"
+        self.assertEqual(servers_of([(in_set, {"Stillmap-Region": f"{i},-4"}) for i in range(24)]), 3)
+        both = [(in_set, {"Stillmap-Region": "3,-4"}), ("/v1/localize?set=city", {"Stillmap-Region": "3,-4"})]
+        self.assertEqual(servers_of(both * 6), 1)
+        self.assertEqual(servers_of([(f"/v1/localize?set=city{i}", {"Stillmap-Region": "3,-4"}) for i in range(24)]), 3)
 
     def test_a_change_is_sent_once_and_a_pose_again(self):
         self.servers[0].dies = True
@@ -336,8 +341,9 @@ class BeforeSharedState(Proxy):
             self.ask("POST", f"/v1/sessions/s{number}/scans", b"x")
             self.assertEqual(sum(len(server.asked) for server in self.servers), 1)
 
-    def test_the_dashboard_names_what_it_tells_prometheus(self):
-        dashboard = (support.DEPLOY / "monitoring/grafana/stillmap.json").read_text()
+    def test_dashboard_and_alerts_name_what_it_tells_prometheus(self):
+        monitoring = support.DEPLOY / "monitoring"
+        dashboard = (monitoring / "grafana/stillmap.json").read_text() + (monitoring / "stillmap.rules.yml").read_text()
         port = re.search(r"frontend metrics\n  bind 127.0.0.1:(\d+)", (self.folder / "haproxy.conf").read_text())[1]
         status, told = support.get(int(port), "/metrics")
         self.assertEqual((status, support.get(int(port), "/")[0]), (200, 403))

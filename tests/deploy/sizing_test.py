@@ -19,7 +19,7 @@ FIXED = {
                 "bytes_out_per_scan": 3000, "cpu_s_per_pose_near_prior": 0.010, "scans": 100, "memory_bytes": 10**8},
     "map": {"km": 2.0, "scans": 2000, "package_bytes": 300 * 10**6, "disk_bytes": 400 * 10**6, "index_bytes": 50 * 10**6},
     "proxy": {"cpu_s_per_scan": 0.0006},
-    "state": {"transactions_per_s_of_a_server": 2.0, "transactions_per_change": 5, "bytes_per_change": 1000},
+    "state": {"transactions_per_s_of_a_server": 2.0, "transactions_per_change": 5, "transactions_per_pose": 0.01, "bytes_per_change": 1000},
     "build": {"scans": 2000, "cpu_s_per_scan": 0.36, "peak_memory_bytes": 1, "estimated_memory_bytes": 1,
               "work_bytes_per_scan": 10**6},
 }
@@ -53,7 +53,7 @@ class Sizing(support.FolderTest):
         self.assertEqual(found["S3"], "1.5 TB")
         self.assertEqual((found["network, in"], found["network, out"]), ("320 Mbit/s", "24 Mbit/s"))
         self.assertEqual(found["cores of all proxies"], "1.2")
-        self.assertEqual(found["PostgreSQL, transactions"], "18.1 /s")
+        self.assertEqual(found["PostgreSQL, transactions"], "28 /s")
         self.assertEqual(found["PostgreSQL, size after a year"], "365 MB")
         self.assertEqual(found["build of all"], "100 core-hours")
         self.assertEqual(found["disk for it"], "1 TB")

@@ -48,8 +48,8 @@ class Fleet:
         self.arguments, self.folder, self.state = arguments, folder, state
         self.store = folder / "store"
         self.ports = {name: (support.free_port(), support.free_port()) for name in NAMES}
-        self.servers, self.proxy = {}, None
-        self.port = support.free_port()
+        self.servers, self.proxy, self.other_proxy = {}, None, None
+        self.port, self.other_port = support.free_port(), support.free_port()
         self.context = ssl.create_default_context()
         self.context.check_hostname, self.context.verify_mode = False, ssl.CERT_NONE
 
@@ -67,15 +67,22 @@ class Fleet:
                         "-days", "1", "-subj", "/CN=localhost", "-keyout", key, "-out", certificate], check=True,
                        capture_output=True)
         (self.folder / "both.pem").write_text(certificate.read_text() + key.read_text())
-        config = self.folder / "haproxy.cfg"
-        config.write_text(support.haproxy_config(
-            self.folder, self.port, [f"{name}=127.0.0.1:{port}:{management}" for name, (port, management) in self.ports.items()],
-            "--shared-state", "--shared-folder"))
         self.log = open(self.folder / "log-proxy", "w")
-        self.proxy = subprocess.Popen([support.tool("haproxy", self.arguments.tools), "-W", "-db", "-S", self.folder / "master.sock",
-                                       "-f", config], stdout=self.log, stderr=self.log,
-                                      env=support.tool_environment(self.arguments.tools))
+        peers = [f"{name}=127.0.0.1:{support.free_port()}" for name in ("this", "other")]
+        self.proxy = self.proxy_process(self.folder, self.port, peers)
+        # Another one, as in another zone. Most is asked through the first.
+        (self.folder / "other").mkdir()
+        shutil.copy(self.folder / "both.pem", self.folder / "other")
+        self.other_proxy = self.proxy_process(self.folder / "other", self.other_port, peers[::-1])
         self.wait_state(dict.fromkeys(NAMES, "UP"))
+
+    def proxy_process(self, folder, port, peers):
+        servers = [f"{name}=127.0.0.1:{port}:{management}" for name, (port, management) in self.ports.items()]
+        config = folder / "haproxy.cfg"
+        config.write_text(support.haproxy_config(folder, port, servers, "--shared-state", "--shared-folder", "--local-peer",
+                                                 peers[0], "--peer", peers[1]))
+        return subprocess.Popen([support.tool("haproxy", self.arguments.tools), "-W", "-db", "-S", folder / "master.sock", "-f",
+                                 config], stdout=self.log, stderr=self.log, env=support.tool_environment(self.arguments.tools))
 
     def command(self, line):
         """As an operator gives it by socat."""
@@ -110,11 +117,11 @@ class Fleet:
                 return False
         support.wait(is_other, 30)
 
-    def connection(self):
-        return http.client.HTTPSConnection("127.0.0.1", self.port, timeout=30, context=self.context)
+    def connection(self, port=None):
+        return http.client.HTTPSConnection("127.0.0.1", port or self.port, timeout=30, context=self.context)
 
-    def ask(self, method, path, body=None, **headers):
-        connection = self.connection()
+    def ask(self, method, path, body=None, port=None, **headers):
+        connection = self.connection(port)
         try:
             connection.request(method, path, body, headers)
             answer = connection.getresponse()
@@ -126,10 +133,9 @@ class Fleet:
         for server in self.servers.values():
             if server.process.poll() is None:
                 server.kill()
-        if self.proxy:
-            self.proxy.terminate()
-            self.proxy.wait(30)
-            self.log.close()
+        for proxy in filter(None, (self.proxy, self.other_proxy)):
+            proxy.terminate()
+            proxy.wait(30)
 
 
 class Client(threading.Thread):
@@ -237,6 +243,7 @@ def test_stop_without_drain(fleet, scan):
 
 
 def test_reload(fleet, scan):
+    """Comes late: a proxy that has just started tells the next one of sessions only after some 10 s."""
     status, text, _ = fleet.ask("POST", "/v1/sessions", b'{"map": "town"}', **{"Content-Type": "application/json"})
     assert status == 201, text
     session = "/v1/sessions/" + json.loads(text)["id"]
@@ -246,6 +253,7 @@ def test_reload(fleet, scan):
             time.sleep(1.0)
             # So many that another server would be asked if the new process did not know where the session is.
             assert [fleet.ask("GET", session)[0] for _ in range(6)] == [200] * 6
+    assert [fleet.ask("GET", session, port=fleet.other_port)[0] for _ in range(6)] == [200] * 6
     assert not load.failures(load.all()), load.failures(load.all())[:3]
 
 

@@ -11,6 +11,7 @@ import array
 import dataclasses
 import http.server
 import json
+import math
 import pathlib
 import re
 import subprocess
@@ -151,7 +152,7 @@ class Recorder:
         self.answers[("geopose " if geopose else "") + operation["operationId"]] = value
         kind = "application/geopose+json" if geopose else "application/json"
         return status, {"Content-Type": kind, "Stillmap-Status": "degraded", "Stillmap-Seal": "c2VhbA==",
-                        "Stillmap-Reasons": "ambiguous, coasting"}, json.dumps(value).encode()
+                        "Stillmap-Revision": "3", "Stillmap-Reasons": "ambiguous, coasting"}, json.dumps(value).encode()
 
     def close(self):
         self.server.shutdown()
@@ -303,6 +304,7 @@ class Coverage(unittest.TestCase):
             found[name], = client.localize_batch("town", [Query(xyzi, **full)], version=version, deadline_ms=900,
                                                   vehicle="truck 7")
             self.assertIsInstance(found[name], PoseAnswer)
+        client.open_session("town")
         session = client.open_session("town", version="v1", label="truck 7", prior=full["prior"], gnss=gnss)
         client.open_session(None, set="city")
         step = Odometry(5, pose, covariance=covariance)
@@ -310,13 +312,20 @@ class Coverage(unittest.TestCase):
         session.track(Pcd(b"VERSION 0.7"), 7)
         found["trackScan"] = session.track(xyzi, 7, odometry=step, T_base_lidar=pose, movable=boxes, deadline_ms=900)
         poses["trackScan"] = session.track_geopose(xyzi, 7)
+
+        def place(answer, in_set):
+            pose = answer.T_set_lidar if in_set else answer.pose
+            return ",".join(str(math.floor(value / 500)) for value in pose.position[:2])
+
         for name, of in (("trackSealed", {}), ("trackSealedInVersion", {"version": "v1"}), ("trackSealedInSet", {"set": "city"})):
             sealed = client.sealed_session(None if "set" in of else "town", **of, label="truck 7", prior=full["prior"], gnss=gnss)
             sealed.track(xyzi, 7, odometry=step, T_base_lidar=pose, movable=boxes, deadline_ms=900)
             self.assertEqual((sealed.seal, sealed.begun), ("c2VhbA==", 1))
-            sealed.track(Pcd(b"VERSION 0.7"), 7)
+            answer = sealed.track(Pcd(b"VERSION 0.7"), 7)
             found[name] = sealed.track(xyzi, 7, deadline_ms=900)
+            self.assertEqual(self.recorder.seen[-1][2]["stillmap-region"], place(answer, "set" in of))
             poses[name] = sealed.track_geopose(xyzi, 7)
+        self.check_regions()
         session.initialize(prior, gnss=gnss)
         found["getSession"] = session.info()
         found["listSessions"], = client.sessions("town")
@@ -332,15 +341,27 @@ class Coverage(unittest.TestCase):
         for name, each in poses.items():
             self.check_geopose({**plain(each), "place": [each.longitude_deg, each.latitude_deg, each.height_m]}, name)
 
+    def check_regions(self):
+        """Proxies are told where a vehicle is, if the client knows: by a prior, or by the answer before."""
+        for name in ("localize", "localizeInVersion", "trackSealed", "trackSealedInVersion"):
+            told = {headers.get("stillmap-region") for each, _, headers, _ in self.recorder.seen if each == name}
+            self.assertTrue(told - {None}, name)
+            for region in told - {None}:
+                self.assertRegex(region, r"^-?\d+,-?\d+$")
+
     def test_cpp(self):
         done = subprocess.run([USE_CLIENT, self.recorder.url, self.folder], capture_output=True, text=True, timeout=60)
         self.assertEqual(done.returncode, 0, done.stderr)
         found = json.loads(done.stdout)
+        self.check_regions()
+        seen = [headers.get("stillmap-region") for name, _, headers, _ in self.recorder.seen if name == "trackSealed"]
+        # The first two begin without a place; the answer to the second has one.
+        self.assertEqual((seen[:2], seen[2] is None), ([None, None], False))
         self.assertEqual(missing_in_requests(self.recorder, CPP_OTHER_SCANS), [])
         self.assertEqual(found.pop("events"), [[4, "status", {"status": "ok"}], [None, "gap", {"missed": 1}],
                                                [9, "closed", {"reason": "deleted"}]])
         self.assertEqual((found.pop("bytes"), (self.folder / "v1.tar").read_bytes()), (len(PACKAGE), PACKAGE))
-        for name in ("localize", "trackScan", "trackSealed", "trackSealedInVersion"):
+        for name in ("localize", "trackScan", "trackSealed", "trackSealedInVersion", "localizeInSet", "trackSealedInSet"):
             self.check_geopose(found.pop("geopose " + name), name)
         self.check_answers(found)
 

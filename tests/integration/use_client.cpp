@@ -159,6 +159,7 @@ json use(const std::string& url, const std::string& folder) {
   client::SealedSession sealed(std::move(servers), "town");
   sealed.track_geopose(xyzi, 7);
   sealed.track(xyzi, 8);
+  sealed.track(xyzi, 9);
   std::string seal;
   client::ScanOptions all_of_scan{client::Odometry{5, pose, 0.1, 0.01, {}}, pose, boxes, deadline,
                                   0};

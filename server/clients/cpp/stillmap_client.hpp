@@ -129,7 +129,20 @@ struct ScanOptions {
   std::optional<std::chrono::milliseconds> deadline{};
   /// Instead of the client's.
   std::optional<int> retries{};
+  /// Of a sealed scan: about where the vehicle is, as `region_of` says it, for a proxy that sends
+  /// scans of one region to one server. `SealedSession` and `SessionStream` fill it in.
+  std::string region{};
 };
+
+/// The square of 500 m in the frame of the map, or of the set, that a place is in, as proxies are
+/// told it.
+inline std::string region_of(const Pose& pose) {
+  constexpr double kEdgeM = 500.0;
+  // A pose from who knows where is no number of a square.
+  if (!(std::abs(pose.position[0]) < 1e9 && std::abs(pose.position[1]) < 1e9)) return {};
+  const auto cell = [](double x) { return std::to_string(std::llround(std::floor(x / kEdgeM))); };
+  return cell(pose.position[0]) + "," + cell(pose.position[1]);
+}
 
 /// How a session starts.
 struct SessionOptions {
@@ -901,6 +914,8 @@ class Client {
     std::string* seal = nullptr;
     /// The map whose active version is asked; empty for others.
     std::string active_of{};
+    /// Empty = not told.
+    std::string region{};
   };
   static constexpr const char* kSeal = "Stillmap-Seal";
   static constexpr const char* kRevision = "Stillmap-Revision";
@@ -1045,6 +1060,7 @@ class Client {
       const Body scan = body_of(points, thin);
       Request request{path, {}, accept, true, {}, query.deadline};
       if (query.version.empty()) request.active_of = map;
+      if (query.prior) request.region = region_of(query.prior->pose);
       if (query.T_base_lidar || !query.movable.empty() ||
           (query.prior && query.prior->covariance)) {
         nlohmann::json parameters = detail::to_json(query);
@@ -1113,6 +1129,8 @@ class Client {
       const Body scan = body_of(points, thin);
       Request request{path, {}, accept, true, options.retries, options.deadline, &seal};
       if (start.version.empty()) request.active_of = map;
+      request.region = options.region;
+      if (seal.empty() && start.prior) request.region = region_of(start.prior->pose);
       if (options.odometry || options.T_base_lidar || !options.movable.empty() || !place.empty()) {
         nlohmann::json parameters = detail::to_json(options, stamp_ns);
         parameters.update(place);
@@ -1133,6 +1151,7 @@ class Client {
     httplib::Headers headers;
     if (request.seal != nullptr && !request.seal->empty()) headers.emplace(kSeal, *request.seal);
     if (request.accept != nullptr) headers.emplace("Accept", request.accept);
+    if (!request.region.empty()) headers.emplace("Stillmap-Region", request.region);
     // So that no server that is behind another answers with an older version.
     if (const auto seen = revisions_->find(request.active_of); seen != revisions_->end())
       headers.emplace(kRevision, std::to_string(seen->second));
@@ -1257,9 +1276,12 @@ class SealedSession {
   /// The next scan, newer than the one before. @param options  its odometry is since the scan of
   /// the newest answer. @throws Problem (`ScanNotNewer`), ConnectionLost when no server answers.
   PoseAnswer track(const Points& points, std::int64_t stamp_ns, const ScanOptions& options = {}) {
-    return send(options, [&](Client& server, const ScanOptions& once) {
+    PoseAnswer answer = send(options, [&](Client& server, const ScanOptions& once) {
       return server.track_sealed(map_, seal_, points, stamp_ns, once, start_);
     });
+    if (const auto& place = answer.T_set_lidar ? answer.T_set_lidar : answer.pose)
+      region_ = region_of(*place);
+    return answer;
   }
   /// The same as OGC GeoPose. @throws as `Client::localize_geopose`.
   GeoPose track_geopose(const Points& points, std::int64_t stamp_ns,
@@ -1272,6 +1294,7 @@ class SealedSession {
   /// Forgets where the vehicle was: the next scan begins a session. Neither = it may be anywhere.
   void initialize(const std::optional<Prior>& prior = {}, const std::optional<Gnss>& gnss = {}) {
     seal_.clear();
+    region_.clear();
     start_.prior = prior;
     start_.gnss = gnss;
   }
@@ -1303,6 +1326,7 @@ class SealedSession {
   Answer<Ask> ask_all(const ScanOptions& options, const Ask& ask) {
     ScanOptions once = options;
     once.retries = 0;
+    if (once.region.empty()) once.region = region_;
     const std::size_t most =
         servers_.size() + static_cast<std::size_t>(std::max(0, options.retries.value_or(kRetries)));
     for (std::size_t tries = 1;; ++tries) {
@@ -1343,6 +1367,7 @@ class SealedSession {
   std::string map_;
   SessionOptions start_;
   std::string seal_;
+  std::string region_;
   std::uint64_t begun_ = 0;
 };
 
@@ -1458,6 +1483,7 @@ class SessionStream {
       options.odometry = scan.odometry;
       options.movable = scan.movable;
       options.retries = 0;
+      options.region = region_;
       const Points points(scan.points, scan.layout);
       answer = opening_.sealed ? track_sealed(points, scan.stamp_ns, options)
                                : client_.track(session_, points, scan.stamp_ns, options);
@@ -1512,6 +1538,8 @@ class SessionStream {
     const bool begins = session_.empty();
     try {
       PoseAnswer answer = client_.track_sealed(map_, session_, points, stamp_ns, options, opening_);
+      if (const auto& place = answer.T_set_lidar ? answer.T_set_lidar : answer.pose)
+        region_ = region_of(*place);
       if (begins) begun();
       return answer;
     } catch (const Problem& problem) {
@@ -1558,6 +1586,8 @@ class SessionStream {
   SessionOptions opening_;
   ScanOptions scans_;
   std::string session_;  // of the sending thread; a seal where sessions are sealed
+  /// Where the vehicle was last; of a sealed session.
+  std::string region_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<Scan> waiting_;

@@ -80,7 +80,7 @@ frontend https
   # Silent until the package is compared with its checksums.
   http-request set-var(txn.is_slow) bool(true) if {{ path_reg ^/v1/maps/[^/]+/versions/[^/]+/content$ }}
   http-response set-header Strict-Transport-Security max-age=63072000
-  acl poses path_reg ^/v1/maps/[^/]+/(versions/[^/]+/)?localize(/batch|/next)?$
+  acl poses path_reg ^/v1/(maps/[^/]+/(versions/[^/]+/)?)?localize(/batch|/next)?$
   acl sessions path_reg ^/v1/sessions(/|$)
   # A host's name that begins with the name of a server finds that server.
 {by_name}
@@ -114,12 +114,14 @@ UPLOADS_RULE = """\
 
 POSES = """
 backend poses
-  # The poses of one map and region reach one server, whose memory then holds that part. Without the header the label of
-  # the vehicle counts, which moves little between two scans; without that the map. A seal is another one each time, so
-  # it is no use.
+  # The poses of one map, or set, and region reach one server, whose memory then holds that part. Without the header the
+  # label of the vehicle counts, which moves little between two scans; without that the map. A seal is another one each
+  # time, so it is no use.
   http-request set-var(txn.place) url_param(vehicle)
   http-request set-var(txn.place) req.fhdr(Stillmap-Region) if {{ req.fhdr(Stillmap-Region) -m found }}
-  http-request set-var-fmt(txn.place) "%[path,field(4,/)] %[var(txn.place)]"
+  http-request set-var(txn.map) url_param(set)
+  http-request set-var(txn.map) path,field(4,/) if {{ path_beg /v1/maps/ }}
+  http-request set-var-fmt(txn.place) "%[var(txn.map)] %[var(txn.place)]"
   balance hash var(txn.place)
   hash-type consistent
   # Most requests in progress of one server, in percent of the mean: the next server gets the rest.

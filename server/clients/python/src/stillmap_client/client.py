@@ -21,7 +21,7 @@ from .scan import Scan, multipart, scan_part, scan_request
 from .sealed import SealedSession
 from .session import Session
 from .thinning import OWN_VEHICLE_M, Thinning, refuses_thin
-from .transport import GEOPOSE, Body, Response, Transport, as_object, wait_s
+from .transport import GEOPOSE, Body, Response, Transport, as_object, region_of, wait_s
 from .types import (Event, GeoPose, Gnss, MapInfo, MovableBox, Pose, PoseAnswer, Prior, Query, SessionInfo, Version)
 
 Path = Union[str, "os.PathLike[str]"]
@@ -187,6 +187,8 @@ class Client:
             parameters, body, headers = scan_request(query.scan, query.layout, thinning, flat, keys)
             if accept is not None:
                 headers["Accept"] = accept
+            if prior is not None:
+                headers.update(region_of(prior.pose.position))
             parameters = {**parameters, **_of_vehicle(vehicle), **_in_set(map, set)}
             return self._transport.call("POST", _place(map, version) + "/localize", query=parameters, body=body,
                                         headers=headers, active_of=map if version is None else None,

@@ -8,7 +8,7 @@ from typing import Any, Dict, Mapping, Optional, Sequence, Tuple
 from .errors import ConnectionLost, Problem
 from .scan import Scan, scan_request
 from .thinning import Thinning
-from .transport import GEOPOSE, Response, Transport, is_passing, wait_s
+from .transport import GEOPOSE, Response, Transport, is_passing, region_of, wait_s
 from .types import GeoPose, Gnss, MovableBox, Odometry, Pose, PoseAnswer, Prior
 
 #: Refusals after which a seal is of no more use.
@@ -38,14 +38,19 @@ class SealedSession:
         self.seal = seal
         #: How often a session began.
         self.begun = 0
+        self._region: Dict[str, str] = {} if prior is None else region_of(prior.pose.position)
 
     def track(self, scan: Scan, stamp_ns: int, *, layout: Optional[str] = None, odometry: Optional[Odometry] = None,
               deadline_ms: Optional[int] = None, T_base_lidar: Optional[Pose] = None,
               movable: Sequence[MovableBox] = (), retries: Optional[int] = None) -> PoseAnswer:
         """The next scan, newer than the one before. @param odometry  since the scan of the newest answer.
         @raises Problem (`ScanNotNewer`), ConnectionLost when no server answers."""
-        return self._send(scan, stamp_ns, layout, odometry, deadline_ms, T_base_lidar, movable, retries,
-                          None).json(PoseAnswer.of)
+        answer = self._send(scan, stamp_ns, layout, odometry, deadline_ms, T_base_lidar, movable, retries,
+                            None).json(PoseAnswer.of)
+        place = answer.T_set_lidar or answer.pose
+        if place is not None:
+            self._region = region_of(place.position)
+        return answer
 
     def track_geopose(self, scan: Scan, stamp_ns: int, *, layout: Optional[str] = None,
                       odometry: Optional[Odometry] = None, deadline_ms: Optional[int] = None,
@@ -59,6 +64,7 @@ class SealedSession:
     def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None) -> None:
         """Forgets where the vehicle was: the next scan begins a session. Without prior and gnss it may be anywhere."""
         self.seal, self._prior, self._gnss = None, prior, gnss
+        self._region = {} if prior is None else region_of(prior.pose.position)
 
     def close(self) -> None:
         """There is nothing to end on a server."""
@@ -110,6 +116,7 @@ class SealedSession:
                 query, body, headers = scan_request(scan, layout, thin, flat, {**flat, **wanted} if wanted else {})
                 if accept is not None:
                     headers["Accept"] = accept
+                headers.update(self._region)
                 if self.seal is not None:
                     headers["Stillmap-Seal"] = self.seal
                 if self._label is not None:

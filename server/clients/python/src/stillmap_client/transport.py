@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.client
 import io
 import json
+import math
 import random
 import socket
 import ssl
@@ -12,7 +13,7 @@ import threading
 import time
 import urllib.parse
 from contextlib import contextmanager, suppress
-from typing import Any, BinaryIO, Callable, Dict, Iterator, Mapping, Optional, Tuple, TypeVar, Union
+from typing import Any, BinaryIO, Callable, Dict, Iterator, Mapping, Optional, Sequence, Tuple, TypeVar, Union
 
 from .errors import ConnectionLost, Problem
 
@@ -31,6 +32,9 @@ _BLOCK = 1 << 16
 #: Of answers about a map's active version; the newest goes with what is asked next, so that no server that is behind
 #: another answers with an older one.
 REVISION = "Stillmap-Revision"
+#: About where a vehicle is: a proxy sends poses of one region to one server.
+REGION = "Stillmap-Region"
+_REGION_M = 500.0
 #: Refusals that the same request would meet again.
 _FINAL = frozenset({"Superseded", "MapUnusable"})
 
@@ -77,6 +81,13 @@ class Response:
         problem = Problem(self.status, body, float(after) if after.isdecimal() else None)
         problem.seal = self.headers.get("stillmap-seal")
         return problem
+
+
+def region_of(position: Sequence[float]) -> Dict[str, str]:
+    """The header for a place in the map frame."""
+    if not all(abs(value) < 1e9 for value in position):
+        return {}
+    return {REGION: ",".join(str(math.floor(value / _REGION_M)) for value in position[:2])}
 
 
 class Revisions:
