@@ -24,18 +24,17 @@ from slurm_engine import wait_until  # noqa: E402
 
 SKIPPED = 77
 CANCELLED = 130
-UNITS = 6
 # The network's detector: units that last for some seconds can be killed meanwhile.
 OPTIONS = ["--threads", "1"]
 FAST = ["--threads", "1", "--detector", "geometric"]
-# Of a drive for what needs no long units.
-SCANS = 12
+# Of the drive, for what needs no long units, and for what does.
+FEW_SCANS, MANY_SCANS = 12, 24
 
 
 class Build:
     """A build in Slurm, followed by a process that may be killed and started again."""
 
-    def __init__(self, slurm, program, drive, folder, name, options, units=UNITS):
+    def __init__(self, slurm, program, drive, folder, name, options, units=2):
         self.slurm, self.folder, self.map = slurm, folder, folder / name
         self.jobs = folder / f".{name}.slurm"
         self.log = folder / f"{name}.log"
@@ -80,24 +79,24 @@ def digest_of(package):
 
 
 def whole(program, drive, package, options):
-    subprocess.run([program, "build", drive, "-o", str(package), *options], check=True, capture_output=True)
+    subprocess.run([program, "build", str(drive), "-o", str(package), *options], check=True, capture_output=True)
     return digest_of(package)
 
 
-def test_kills(slurm, program, drive, folder):
-    expected = whole(program, drive, folder / "whole", OPTIONS)
+def test_kills(slurm, program, folder):
+    expected = whole(program, folder / "long", folder / "whole", [])
     began = time.monotonic()
 
     def tell(what):
         print(f"{time.monotonic() - began:5.1f} s: {what}", flush=True)
 
-    build = Build(slurm, program, drive, folder, "town", OPTIONS).follow()
+    build = Build(slurm, program, folder / "long", folder, "town", OPTIONS, units=4).follow()
     task = build.wait_running("survey")
     submitted = {job for job, _ in build.queue().values()}
     build.process.kill()
     build.process.wait()
-    tell("followers killed")
     build.follow()
+    tell("what follows the jobs killed, and started again")
     slurm.ask("scontrol", "requeue", task)
     tell(f"task {task} put back into the queue")
     time.sleep(3)
@@ -129,19 +128,19 @@ def test_kills(slurm, program, drive, folder):
     wait_until(lambda: not build.queue(), 20, "jobs are left")
 
 
-def shorter(drive, folder):
+def shorter(drive, folder, scans):
     """The first scans of a drive."""
     (folder / "velodyne").mkdir(parents=True)
     for name in ("calib.txt", "poses.txt", "times.txt"):
         lines = (drive / name).read_text().splitlines(keepends=True)
-        (folder / name).write_text("".join(lines if name == "calib.txt" else lines[:SCANS]))
-    for i in range(SCANS):
+        (folder / name).write_text("".join(lines if name == "calib.txt" else lines[:scans]))
+    for i in range(scans):
         shutil.copy(drive / f"velodyne/{i:06}.bin", folder / "velodyne")
     return folder
 
 
-def test_cancel(slurm, program, _, folder):
-    build = Build(slurm, program, folder / "short", folder, "small", FAST, units=2).follow()
+def test_cancel(slurm, program, folder):
+    build = Build(slurm, program, folder / "short", folder, "small", FAST).follow()
     build.wait_running("survey")
     build.process.send_signal(signal.SIGTERM)
     code, said = build.end(5)
@@ -150,9 +149,9 @@ def test_cancel(slurm, program, _, folder):
     assert not build.map.exists() and (folder / ".small.units").exists()
 
 
-def test_failure(slurm, program, _, folder):
+def test_failure(slurm, program, folder):
     """A unit that says no ends the build, and is named with its log."""
-    build = Build(slurm, program, folder / "short", folder, "other", FAST, units=2)
+    build = Build(slurm, program, folder / "short", folder, "other", FAST)
     subprocess.run([program, "build", build.drive, "-o", str(build.map), *FAST, "--units", "2", "--unit", "poses",
                     "--loops", "off"], check=True, capture_output=True)
     code, said = build.follow().end()
@@ -162,16 +161,18 @@ def test_failure(slurm, program, _, folder):
     wait_until(lambda: not build.queue(), 20, "jobs are left")
 
 
-def test_refusal(slurm, program, _, folder):
+def test_refusal(slurm, program, folder):
     """What Slurm will not take is an error, not a wait."""
-    build = Build(slurm, program, folder / "short", folder, "none", [*FAST, "--slurm-option=--partition=none"], units=2).follow()
+    build = Build(slurm, program, folder / "short", folder, "none", [*FAST, "--slurm-option=--partition=none"]).follow()
     code, said = build.end(60)
     assert code == 1 and "partition" in said and "--slurm-option" in said, (code, said)
 
 
-def test_server(slurm, program, _, folder):
+def test_server(slurm, program, folder):
     """Jobs of a server that is killed: the next one follows them; a job that is cancelled cancels them."""
     store = folder / "store"
+    whole(program, folder / "short", folder / "first", FAST)
+    subprocess.run([program, "store", "add", store, "town", "v0", folder / "first"], check=True, capture_output=True)
     headers = {"Authorization": f"Bearer {make_key(program, store)}"}
 
     def start(executor):
@@ -234,13 +235,14 @@ def main():
         folder = pathlib.Path(name)
         folder.chmod(0o755)
         (folder / "maps").mkdir()
-        shorter(drive, folder / "maps" / "short")
+        shorter(drive, folder / "maps" / "short", FEW_SCANS)
+        shorter(drive, folder / "maps" / "long", MANY_SCANS)
         with slurm_engine.Slurm(folder / "slurm") as slurm:
             for test in (test_cancel, test_failure, test_refusal, test_server, test_kills):
                 if sys.argv[3:] and test.__name__ not in sys.argv[3:]:
                     continue
                 began = time.monotonic()
-                test(slurm, program, drive, folder / "maps")
+                test(slurm, program, folder / "maps")
                 print(f"{test.__name__}: {time.monotonic() - began:.1f} s", flush=True)
     return 0
 
