@@ -44,7 +44,8 @@ defaults
   # Silence, not duration: event streams and uploads may last. The server writes into a silent stream every 15 s.
   timeout client 60s
   timeout server 60s
-  timeout connect 2s
+  # Also the pause before a server that refused is tried again, and what a pose loses to one that vanished.
+  timeout connect 500ms
   timeout queue 5s
   timeout check 2s
   option dontlognull
