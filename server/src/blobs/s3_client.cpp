@@ -203,6 +203,12 @@ std::string S3Client::name_of(const std::string& key) const {
   return "s3://" + options_.bucket + "/" + options_.prefix + key;
 }
 
+bool S3Client::is_away() const {
+  constexpr std::chrono::minutes kCounts{1};
+  const std::scoped_lock lock(mutex_);
+  return failed_at_ && std::chrono::steady_clock::now() - *failed_at_ <= kCounts;
+}
+
 void S3Client::stop() {
   {
     const std::scoped_lock lock(mutex_);
@@ -272,6 +278,11 @@ S3Client::Answer S3Client::ask(const Request& request, const std::function<void(
     const bool lost = !answer.reply.failure.empty();
     const bool passes =
         lost ? answer.reply.may_pass : is_transient(answer.reply.status, answer.code);
+    {
+      const std::scoped_lock lock(mutex_);
+      failed_at_.reset();
+      if (passes) failed_at_ = std::chrono::steady_clock::now();
+    }
     if (!passes) return answer;
     milliseconds wished{0};
     const auto header = answer.reply.headers.find("retry-after");

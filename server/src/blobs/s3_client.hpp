@@ -107,6 +107,8 @@ class S3Client {
 
   /// @throws maps::InputError when there are no credentials.
   void require_credentials() { (void)credentials_.current(); }
+  /// Whether the newest request got no answer, or one that may pass, less than a minute ago.
+  [[nodiscard]] bool is_away() const;
   /// Ends requests that are under way, and lets none begin.
   void stop();
 
@@ -133,9 +135,11 @@ class S3Client {
   HttpTransport transport_;
   /// "http://127.0.0.1:6600", and as the header `Host` says it.
   std::string base_, host_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable stopping_;
   bool stopped_ = false;
+  /// Of the newest request, if it had no good answer.
+  std::optional<std::chrono::steady_clock::time_point> failed_at_;
 };
 
 }  // namespace stillmap::server

@@ -66,6 +66,8 @@ class PackageBlobs {
   [[nodiscard]] virtual std::vector<std::string> unnamed(const FileBytes& named) = 0;
   virtual void remove_blobs(const std::vector<std::string>& sha256s) = 0;
 
+  /// Whether the newest request got no answer, and that is less than a minute ago.
+  [[nodiscard]] virtual bool is_away() const = 0;
   /// The program ends: what is under way fails, and nothing begins.
   virtual void stop() = 0;
 };

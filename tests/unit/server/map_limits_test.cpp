@@ -12,7 +12,7 @@ namespace map_limits_test {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-/// A town with a drive, an upload, a job and an open session, and a key for other maps.
+/// A town with a drive, an upload, a job, an open session and a set, and a key for other maps.
 class MapLimits : public JobTest {
  protected:
   void SetUp() override {
@@ -22,6 +22,7 @@ class MapLimits : public JobTest {
     job_ = rebuild();
     wait_for_end(job_);
     key_ = make_key({"village*", "hamlet"});
+    send("PUT", "/v1/sets/ring", R"({"maps": [{"map": "town"}]})");
     const std::string vehicle = make_key({});
     HttpRequest opening = with(vehicle, request("POST", "/v1/sessions"));
     opening.headers["content-type"] = "application/json";
@@ -46,13 +47,15 @@ class MapLimits : public JobTest {
                                                        {"{part}", "1"},
                                                        {"{upload}", std::to_string(upload_)},
                                                        {"{job}", job_.substr(9)},
-                                                       {"{session}", session_}};
+                                                       {"{session}", session_},
+                                                       {"{set}", "ring"}};
     for (const auto& [name, value] : values)
       if (const std::size_t at = path.find(name); at != std::string::npos)
         path.replace(at, name.size(), value);
     for (std::size_t at = 0; (at = path.find('{')) != std::string::npos;)
       path.replace(at, path.find('}') - at + 1, "0");
     HttpRequest result = request(route.method, path);
+    if (path.starts_with("/v1/localize")) result.query.emplace_back("set", "ring");
     if (route.body == BodyKind::kWhole) {
       result.headers["content-type"] = "application/json";
       result.body = R"({"map": ")" + map + R"("})";
@@ -68,7 +71,8 @@ class MapLimits : public JobTest {
 };
 
 TEST_F(MapLimits, AKeyForOtherMapsGetsNothingOfATown) {
-  const std::set<std::string> lists = {"/v1/maps", "/v1/jobs", "/v1/sessions", "/v1/status"};
+  const std::set<std::string> lists = {"/v1/maps", "/v1/jobs", "/v1/sessions", "/v1/status",
+                                       "/v1/sets"};
   int refused = 0;
   for (const Route* route : service_->routes()) {
     if (is_open(route->access)) continue;

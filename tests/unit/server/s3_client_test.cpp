@@ -151,6 +151,17 @@ TEST_F(S3ClientTest, TriesAreBounded) {
   EXPECT_EQ(server_.asked().size(), 3U);
 }
 
+TEST_F(S3ClientTest, KnowsWhetherItIsAway) {
+  S3Client client(options_);
+  EXPECT_FALSE(client.is_away());
+  for (int i = 0; i < 3; ++i) server_.add(error(503, "SlowDown"));
+  EXPECT_THROW((void)get(client), S3Error);
+  EXPECT_TRUE(client.is_away());
+  server_.add(error(404, "NoSuchKey"));
+  EXPECT_THROW((void)get(client), S3Error);
+  EXPECT_FALSE(client.is_away());
+}
+
 TEST_F(S3ClientTest, WhatCannotPassIsNotTriedAgain) {
   for (const auto& [status, code] : {std::pair(403, "AccessDenied"), std::pair(404, "NoSuchKey"),
                                      std::pair(501, "NotImplemented")})
