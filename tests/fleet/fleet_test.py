@@ -121,7 +121,9 @@ class Fleet:
                         prefix=self.net.prefix(name), environment=self.environment, port=8080, host=address,
                         options=["--host", address, "--allow-remote", "--management-host", address,
                                  "--management-port", "8081", "--state", self.postgres.address, "--blobs",
-                                 "s3://maps/fleet", "--s3-endpoint", self.swift.endpoint, "--workers", "1"])
+                                 "s3://maps/fleet", "--s3-endpoint", self.swift.endpoint, "--workers", "1",
+                                 # Sealed sessions stay in the first one.
+                                 "--retention-versions", "0"])
         self.servers[name] = server
         assert server.listen(), self.log(name)
 
@@ -234,7 +236,7 @@ class Vehicle(Worker):
         self.older += number < self.newest
         self.newest = max(self.newest, number)
         self.versions.add(version)
-        self.revision = str(max(int(self.revision or 0), int(answer.headers["Stillmap-Revision"])))
+        self.revision = str(max(int(self.revision or 0), int(answer.headers.get("Stillmap-Revision", 0))))
         return True
 
 
@@ -275,7 +277,7 @@ class Team(Worker):
 
     def once(self, count):
         try:
-            answer = self.fleet.ask_any(count, "PUT", f"/v1/maps/m{count}", seconds=1, timeout=15)
+            answer = self.fleet.ask_any(count, "PUT", f"/v1/maps/m{count}", seconds=1)
         except AssertionError:
             return False
         if answer.status in (200, 201):
