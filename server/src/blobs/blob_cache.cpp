@@ -108,7 +108,12 @@ void BlobCache::make_folders() const {
 void BlobCache::clear_leftovers() const {
   for (const std::string& name : folders_in(options_.folder / kBlobsName)) {
     const fs::path folder = options_.folder / kBlobsName / name;
-    if (name.starts_with(kIncoming) && FolderLock::try_folder(folder)) files_.remove_tree(folder);
+    try {
+      if (name.starts_with(kIncoming) && FolderLock::try_folder(folder)) files_.remove_tree(folder);
+    } catch (const maps::StorageError&) {
+      // Another process ended its download just now.
+      if (fs::exists(folder)) throw;
+    }
   }
 }
 
