@@ -63,7 +63,7 @@ class Build:
         return None
 
     def wait_running(self, step):
-        return wait_until(lambda: self.running(step) or (self.process.poll() is not None and self.text()), 60,
+        return wait_until(lambda: self.running(step) or (self.process.poll() is not None and self.text()), 180,
                           f"no unit of {step} runs: {self.text()}")
 
     def text(self):
