@@ -311,13 +311,22 @@ class SlurmJobs {
           unit.failed = number_in(path(step, number, "failed"));
         unit.attempts = step.attempts[number];
       }
-      for (const SlurmTask& task : tasks)
-        if (task.step == step.name && task.number >= 1 && task.number <= step.units)
-          state.units[task.number - 1].tasks.push_back(task);
+      for (SlurmTask task : tasks) {
+        if (task.step != step.name || task.number < 1 || task.number > step.units) continue;
+        task.waited_s = waited_s(task);
+        state.units[task.number - 1].tasks.push_back(std::move(task));
+      }
       for (std::size_t number = 1; number <= step.units; ++number)
         state.units[number - 1].silent_s = silent_s(step, number, state.units[number - 1]);
     }
     return states;
+  }
+
+  /// Since it was put back, as far as this process has seen it.
+  double waited_s(const SlurmTask& task) {
+    if (task.state != "PENDING" || task.restarts == 0) return 0.0;
+    const auto [since, is_new] = waits_.try_emplace({task.id, task.restarts}, Clock::now());
+    return std::chrono::duration<double>(Clock::now() - since->second).count();
   }
 
   /// By our own clock: those of other machines may differ.
@@ -471,6 +480,8 @@ class SlurmJobs {
   std::string plan_;
   std::string name_;
   std::vector<Step> steps_;
+  /// When a task was first seen waiting, by how often it was put back.
+  std::map<std::pair<std::string, std::size_t>, Clock::time_point> waits_;
   bool answers_ = true;
   int refusals_ = 0;
 };

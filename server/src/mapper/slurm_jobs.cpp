@@ -42,7 +42,8 @@ SlurmTask task_from(std::string_view line) {
           .number = *number,
           .state = std::string(state),
           .reason = std::string(reason),
-          .restarts = *requeued};
+          .restarts = *requeued,
+          .waited_s = 0.0};
 }
 
 /// The same would come out again.
@@ -50,14 +51,20 @@ bool is_final(int code) {
   return code == exit_code::kFailed || code == exit_code::kUsage || code == exit_code::kDiskFull;
 }
 
+/// Nothing but a person would start it again.
+bool is_held(const SlurmTask& task) {
+  return task.state == "PENDING" && task.reason.starts_with("launch");
+}
+
 bool is_lost(const UnitState& unit, const SlurmTask& task) {
+  if (is_held(task)) return true;
   return task.state == "RUNNING" &&
          unit.silent_s > (unit.is_done ? kLostWhenDoneAfterS : kLostAfterS);
 }
 
-/// Slurm lets a task that it has put back wait for two minutes.
 bool waits_for_nothing(const SlurmTask& task) {
-  return task.state == "PENDING" && task.reason == "BeginTime" && task.restarts > 0;
+  return task.state == "PENDING" && task.reason == "BeginTime" && task.restarts > 0 &&
+         task.waited_s >= kEndedAfterS;
 }
 
 std::vector<std::string> ids_of(const StepState& step) {

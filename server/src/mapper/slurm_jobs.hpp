@@ -24,6 +24,8 @@ struct SlurmTask {
   std::string reason;
   /// How often Slurm has put it back into its queue.
   std::size_t restarts = 0;
+  /// How long it has been seen waiting since then [s].
+  double waited_s = 0.0;
 };
 
 /// What `squeue` is asked for.
@@ -59,6 +61,11 @@ inline constexpr std::size_t kMostAttempts = 5;
 inline constexpr double kLostAfterS = 120.0;
 /// The same, for one whose unit is done [s].
 inline constexpr double kLostWhenDoneAfterS = 30.0;
+
+/// A task that Slurm has put back waits for two minutes, so that what ran before can end. After so
+/// long it has ended, or its node is lost: Slurm's `KillWait` is 30 s [s]. Sooner, Slurm would find
+/// two of it on one node, take the node out of service and hold the task.
+inline constexpr double kEndedAfterS = 40.0;
 
 /// Units of one step that become one job.
 struct SlurmSubmission {

@@ -32,7 +32,8 @@ SlurmTask task(std::string id, std::string state = "PENDING", std::string reason
           .number = 1,
           .state = std::move(state),
           .reason = std::move(reason),
-          .restarts = 0};
+          .restarts = 0,
+          .waited_s = 0.0};
 }
 
 /// All five jobs are in Slurm, 1 to 5, and the first step is done.
@@ -129,13 +130,31 @@ TEST(SlurmDecision, DoesNotSubmitAgainWhatIsDone) {
   expect_nothing(decide(all));
 }
 
-TEST(SlurmDecision, StartsWhatSlurmHasPutBackAtOnce) {
+TEST(SlurmDecision, SubmitsAgainWhatSlurmHolds) {
+  auto all = surveying();
+  SlurmTask& held = all[kSurvey].units[0].tasks[0];
+  held = task("2_1", "PENDING", "launch_failed_requeued_held");
+  held.restarts = 2;
+  const SlurmActions actions = decide(all);
+  EXPECT_THAT(actions.cancel, testing::Contains("2_1"));
+  ASSERT_FALSE(actions.submit.empty());
+  EXPECT_EQ(actions.submit[0].step, kSurvey);
+  EXPECT_THAT(actions.submit[0].numbers, ElementsAre(1));
+  // A person may hold one.
+  held.reason = "JobHeldUser";
+  expect_nothing(decide(all));
+}
+
+TEST(SlurmDecision, StartsWhatSlurmHasPutBackWhenTheAttemptBeforeHasEnded) {
   auto all = surveying();
   SlurmTask& back = all[kSurvey].units[0].tasks[0];
   back = task("2_1", "PENDING", "BeginTime");
   // Somebody wants it to begin later.
   expect_nothing(decide(all));
   back.restarts = 1;
+  back.waited_s = kEndedAfterS - 1.0;
+  expect_nothing(decide(all));
+  back.waited_s = kEndedAfterS;
   EXPECT_THAT(decide(all).start_now, ElementsAre("2_1"));
   back.reason = "Resources";
   expect_nothing(decide(all));
