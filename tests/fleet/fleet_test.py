@@ -16,7 +16,6 @@ import argparse
 import base64
 import contextlib
 import hashlib
-import http.client
 import io
 import json
 import os
@@ -37,7 +36,7 @@ import postgres_engine  # noqa: E402
 import proxy_engine  # noqa: E402
 import slurm_engine  # noqa: E402
 import swift_engine  # noqa: E402
-from serving import Server  # noqa: E402
+from serving import Server, ask  # noqa: E402
 from stillmap_client import Client, Prior, Pose  # noqa: E402
 
 NAMES = ("one", "two", "three")
@@ -45,24 +44,6 @@ POSE = "/v1/maps/town/localize?prior_t=0,0,0&prior_q=0,0,0,1"
 SCAN = {"Content-Type": "application/octet-stream"}
 #: Ask another server, or again.
 PASSING = (429, 500, 502, 503, 504, 507)
-
-
-def ask(host, port, method, path, body=None, headers=None, timeout=5, tls=None):
-    """@return the response, with `body` and `json`. Raises OSError when none came."""
-    if tls is None:
-        connection = http.client.HTTPConnection(host, port, timeout=timeout)
-    else:
-        connection = http.client.HTTPSConnection(host, port, timeout=timeout, context=tls)
-    try:
-        connection.request(method, path, body=body, headers=headers or {})
-        response = connection.getresponse()
-        response.body = response.read()
-    except http.client.HTTPException as error:
-        raise ConnectionError(repr(error)) from error
-    finally:
-        connection.close()
-    response.json = json.loads(response.body) if "json" in response.headers.get("Content-Type", "") else None
-    return response
 
 
 class Fleet:

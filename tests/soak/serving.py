@@ -46,6 +46,24 @@ def make_packages(maker, folder, count, schema=2):
 LOCALIZE = "prior_t=60,0.3,1.8&prior_q=0,0,0,1"
 
 
+def ask(host, port, method, path, body=None, headers=None, timeout=20, tls=None):
+    """@return the response, with `body` and `json`. Raises OSError when none came."""
+    if tls is None:
+        connection = http.client.HTTPConnection(host, port, timeout=timeout)
+    else:
+        connection = http.client.HTTPSConnection(host, port, timeout=timeout, context=tls)
+    try:
+        connection.request(method, path, body=body, headers=headers or {})
+        response = connection.getresponse()
+        response.body = response.read()
+    except http.client.HTTPException as error:
+        raise ConnectionError(repr(error)) from error
+    finally:
+        connection.close()
+    response.json = json.loads(response.body) if "json" in response.headers.get("Content-Type", "") else None
+    return response
+
+
 class Server:
     """`stillmap serve` in a process group of its own, so that what it starts can be killed with it."""
 
@@ -78,19 +96,8 @@ class Server:
         raise TimeoutError(f"not ready within {most_s} s")
 
     def ask(self, method, path, body=None, headers=None, timeout=20):
-        """@return the response, with `body` and `json`. Raises OSError when none came."""
-        connection = http.client.HTTPConnection(self.host, self.port, timeout=timeout)
-        try:
-            connection.request(method, path, body=body, headers=headers or {})
-            response = connection.getresponse()
-            response.body = response.read()
-        except http.client.HTTPException as error:
-            raise ConnectionError(repr(error)) from error
-        finally:
-            connection.close()
-        is_json = "json" in response.headers.get("Content-Type", "")
-        response.json = json.loads(response.body) if is_json else None
-        return response
+        """As `ask` of this module."""
+        return ask(self.host, self.port, method, path, body, headers, timeout)
 
     def kill(self, group=False):
         """SIGKILL, of what it started too when `group`."""

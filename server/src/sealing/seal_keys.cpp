@@ -153,28 +153,31 @@ SealKey key_of(const SealKeyTable::Row& row) {
 StateSealKeys::StateSealKeys(SealKeyTable& table, const fs::path& store,
                              std::function<Clock::time_point()> now)
     : table_(table), now_(std::move(now)) {
-  read();
-  if (!rows_.empty()) return;
-  const fs::path file = store / kSealKeysName;
-  const SealKey first = is_there(file) ? read_keys(file).front() : SealKey::make();
-  table_.add_first({.secret = first.hex(), .made_ns = ns_of(now_())});
-  read();
+  if (!read()) {
+    const fs::path file = store / kSealKeysName;
+    const SealKey first = is_there(file) ? read_keys(file).front() : SealKey::make();
+    table_.add_first({.secret = first.hex(), .made_ns = ns_of(now_())});
+    read();
+  }
+  thread_ = std::jthread([this](const std::stop_token& stop) { follow(stop); });
 }
 
-void StateSealKeys::read() {
-  looked_ = now_();
+bool StateSealKeys::read() {
   std::vector<SealKeyTable::Row> rows = table_.newest();
   for (const SealKeyTable::Row& row : rows) (void)key_of(row);
+  const std::scoped_lock lock(mutex_);
   rows_ = std::move(rows);
+  return !rows_.empty();
 }
 
-std::vector<SealKey> StateSealKeys::keys() {
+void StateSealKeys::follow(const std::stop_token& stop) {
   constexpr std::chrono::seconds kLookEvery{1};
-  // Until then some servers may not know it.
-  constexpr std::chrono::seconds kKnownEverywhere{5};
-  const std::scoped_lock lock(mutex_);
-  const Clock::time_point now = now_();
-  if (now - looked_ >= kLookEvery || now < looked_) {
+  while (true) {
+    {
+      std::unique_lock lock(mutex_);
+      stopping_.wait_for(lock, stop, kLookEvery, [] { return false; });
+    }
+    if (stop.stop_requested()) return;
     try {
       read();
     } catch (const StateAway&) {
@@ -183,10 +186,16 @@ std::vector<SealKey> StateSealKeys::keys() {
       spdlog::error("{}; the keys of sealed sessions stay as they were", error.what());
     }
   }
+}
+
+std::vector<SealKey> StateSealKeys::keys() {
+  // Until then some servers may not know it.
+  constexpr std::chrono::seconds kKnownEverywhere{5};
+  const std::scoped_lock lock(mutex_);
   std::vector<SealKey> keys;
   for (const SealKeyTable::Row& row : rows_) keys.push_back(key_of(row));
   if (keys.size() < 2) return keys;
-  const std::chrono::nanoseconds age(ns_of(now) - rows_.front().made_ns);
+  const std::chrono::nanoseconds age(ns_of(now_()) - rows_.front().made_ns);
   if (age < kKnownEverywhere)
     std::swap(keys[0], keys[1]);
   else if (age > kKnownEverywhere + kSealLife)

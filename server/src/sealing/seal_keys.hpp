@@ -6,10 +6,12 @@
 #include "store/seal_key_table.hpp"
 
 #include <chrono>
+#include <condition_variable>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <thread>
 #include <vector>
 
 namespace stillmap::server {
@@ -56,8 +58,9 @@ class StoreSealKeys final : public SealKeySource {
   Clock::time_point looked_;
 };
 
-/// Keys in a state that servers share: they look there every second, and go on with the keys that
-/// they know while it is away. Of a new key that lies there all of them know before it seals.
+/// Keys in a state that servers share: a thread looks there every second, so that no vehicle waits
+/// for a state that does not answer. While it is away, the keys that are known count. All servers
+/// know a new key before it seals.
 class StateSealKeys final : public SealKeySource {
  public:
   using Clock = std::chrono::system_clock;
@@ -71,13 +74,16 @@ class StateSealKeys final : public SealKeySource {
   [[nodiscard]] std::vector<SealKey> keys() override;
 
  private:
-  void read();
+  /// @return whether there is any.
+  bool read();
+  void follow(const std::stop_token& stop);
 
   SealKeyTable& table_;
   std::function<Clock::time_point()> now_;
   std::mutex mutex_;
+  std::condition_variable_any stopping_;
   std::vector<SealKeyTable::Row> rows_;
-  Clock::time_point looked_;
+  std::jthread thread_;  // last: it uses all of the above
 };
 
 /// The keys of a store, wherever it has them.
