@@ -203,11 +203,14 @@ void set_map_figures(Metrics& metrics, const MapCatalog& catalog) {
   std::size_t ready = 0;
   std::size_t failed = 0;
   const std::vector<ServedVersion> maps = catalog.active();
+  std::map<std::string, std::int64_t> revisions;
   for (const ServedVersion& map : maps) {
+    revisions[map.map] = map.revision;
     ready += map.state == MapState::kReady ? 1 : 0;
     failed += map.state == MapState::kFailed ? 1 : 0;
   }
   metrics.set_maps(ready, maps.size() - ready - failed, failed);
+  metrics.set_map_revisions(revisions);
 }
 
 void set_rollout_figures(Metrics& metrics, const MapCatalog& catalog) {
@@ -221,6 +224,15 @@ void set_rollout_figures(Metrics& metrics, const MapCatalog& catalog) {
 void set_store_figures(Metrics& metrics, const PackageStore& store) {
   metrics.set_store_disk(free_bytes(store.folder()), store.quota().disk_reserve.value_or(0),
                          store.state().not_writable_because().empty());
+  metrics.set_state_silence(store.state().silence().count());
+  if (const PackageBlobs* blobs = store.blobs()) {
+    const PackageBlobs::Figures figures = blobs->figures();
+    metrics.set_blobs({.answered = figures.answered,
+                       .failed = figures.failed,
+                       .cache_bytes = figures.local_bytes,
+                       .found = figures.found,
+                       .fetched = figures.fetched});
+  }
   try {
     const JobTable& jobs = store.state().jobs();
     for (const JobStatus status : {JobStatus::kEnqueued, JobStatus::kProcessing})
@@ -437,6 +449,7 @@ void Service::note_write(const HttpRequest& request, const Router::Match& match,
       append();
   } catch (const std::exception& error) {
     // What was done is done, and its answer is true.
+    metrics_.audit_missed();
     spdlog::error("{} is not in the audit log: {}", request.request_id, error.what());
   }
 }

@@ -147,7 +147,11 @@ BlobCache::Reader BlobCache::open(const std::string& sha256, std::optional<std::
   constexpr int kTries = 5;
   for (int tries = 0; tries < kTries; ++tries) {
     const int descriptor = try_open(sha256, bytes);
-    if (descriptor >= 0) return Reader(descriptor);
+    if (descriptor >= 0) {
+      const std::scoped_lock lock(mutex_);
+      ++(tries == 0 ? found_ : fetched_);
+      return Reader(descriptor);
+    }
     share_download(sha256, bytes);
   }
   throw maps::StorageError(options_.folder.string(),
@@ -306,6 +310,11 @@ BlobCache::Walk BlobCache::walk() const {
 }
 
 std::uint64_t BlobCache::used_bytes() const { return walk().bytes; }
+
+BlobCache::Figures BlobCache::figures() const {
+  const std::scoped_lock lock(mutex_);
+  return {.used_bytes = used_bytes_, .found = found_, .fetched = fetched_};
+}
 
 void BlobCache::make_room(std::uint64_t bytes) {
   const std::uint64_t most = options_.most_bytes;

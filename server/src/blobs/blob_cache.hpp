@@ -76,6 +76,13 @@ class BlobCache {
   [[nodiscard]] const std::filesystem::path& folder() const { return options_.folder; }
   /// Of all that lies below the folder, each file once.
   [[nodiscard]] std::uint64_t used_bytes() const;
+  struct Figures {
+    /// As of the last look at the folder, and what this process did since then.
+    std::uint64_t used_bytes = 0;
+    /// Blobs that were there when they were asked for, and those that were fetched.
+    std::uint64_t found = 0, fetched = 0;
+  };
+  [[nodiscard]] Figures figures() const;
 
  private:
   struct Download;
@@ -98,8 +105,9 @@ class BlobCache {
   Fetch fetch_;
   Release release_;
   DurableFiles files_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Download>> downloads_;
+  std::uint64_t found_ = 0, fetched_ = 0;
   /// As of the last walk, and what came since then by this process.
   std::uint64_t used_bytes_ = 0;
   std::uint64_t added_bytes_ = 0;

@@ -203,10 +203,12 @@ std::string S3Client::name_of(const std::string& key) const {
   return "s3://" + options_.bucket + "/" + options_.prefix + key;
 }
 
-bool S3Client::is_away() const {
+S3Client::Figures S3Client::figures() const {
   constexpr std::chrono::minutes kCounts{1};
   const std::scoped_lock lock(mutex_);
-  return failed_at_ && std::chrono::steady_clock::now() - *failed_at_ <= kCounts;
+  return {.is_away = failed_at_ && std::chrono::steady_clock::now() - *failed_at_ <= kCounts,
+          .answered = answered_,
+          .failed = failed_};
 }
 
 void S3Client::stop() {
@@ -282,6 +284,7 @@ S3Client::Answer S3Client::ask(const Request& request, const std::function<void(
       const std::scoped_lock lock(mutex_);
       failed_at_.reset();
       if (passes) failed_at_ = std::chrono::steady_clock::now();
+      ++(passes ? failed_ : answered_);
     }
     if (!passes) return answer;
     milliseconds wished{0};

@@ -107,8 +107,13 @@ class S3Client {
 
   /// @throws maps::InputError when there are no credentials.
   void require_credentials() { (void)credentials_.current(); }
-  /// Whether the newest request got no answer, or one that may pass, less than a minute ago.
-  [[nodiscard]] bool is_away() const;
+  struct Figures {
+    /// Whether the newest try got no answer, or one that may pass, less than a minute ago.
+    bool is_away = false;
+    /// Tries that ended well or with a refusal, and those that did as above.
+    std::uint64_t answered = 0, failed = 0;
+  };
+  [[nodiscard]] Figures figures() const;
   /// Ends requests that are under way, and lets none begin.
   void stop();
 
@@ -138,7 +143,8 @@ class S3Client {
   mutable std::mutex mutex_;
   std::condition_variable stopping_;
   bool stopped_ = false;
-  /// Of the newest request, if it had no good answer.
+  std::uint64_t answered_ = 0, failed_ = 0;
+  /// Of the newest try, if it had no good answer.
   std::optional<std::chrono::steady_clock::time_point> failed_at_;
 };
 

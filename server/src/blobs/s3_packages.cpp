@@ -318,4 +318,15 @@ std::vector<std::string> S3Packages::unnamed(const FileBytes& named) {
   return found;
 }
 
+PackageBlobs::Figures S3Packages::figures() const {
+  const S3Client::Figures client = client_.figures();
+  const BlobCache::Figures cache = cache_.figures();
+  return {.is_away = client.is_away,
+          .answered = client.answered,
+          .failed = client.failed,
+          .local_bytes = cache.used_bytes,
+          .found = cache.found,
+          .fetched = cache.fetched};
+}
+
 }  // namespace stillmap::server

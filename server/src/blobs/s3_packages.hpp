@@ -43,7 +43,7 @@ class S3Packages final : public PackageBlobs {
   void remove(const std::string& digest, const FileBytes& kept) override;
   [[nodiscard]] std::vector<std::string> unnamed(const FileBytes& named) override;
   void remove_blobs(const std::vector<std::string>& sha256s) override;
-  [[nodiscard]] bool is_away() const override { return client_.is_away(); }
+  [[nodiscard]] Figures figures() const override;
   void stop() override { client_.stop(); }
   /// @throws maps::InputError when there are no credentials.
   void require_credentials() { client_.require_credentials(); }

@@ -28,7 +28,7 @@ std::vector<std::string> complaints(const Context& context, const Caller& caller
                   (context.store.state().is_shared()
                        ? "; poses are answered on, and changes are taken when it is back"
                        : "; repair its disk, then start the server again"));
-  if (context.store.blobs() != nullptr && context.store.blobs()->is_away())
+  if (context.store.blobs() != nullptr && context.store.blobs()->figures().is_away)
     all.emplace_back(
         "the packages in S3 cannot be reached (the log says why): poses are answered on, and new "
         "versions are served when it is back");

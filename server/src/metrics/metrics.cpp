@@ -96,10 +96,13 @@ struct Metrics::Parts {
     if (map_names.size() < kMostNames) map_names.emplace(map);
     return map_names.contains(std::string(map)) ? std::string(map) : "other";
   }
+  /// Of a count that is kept elsewhere.
+  void raise(prom::Counter& counter, double to) {
+    counter.Increment(std::max(0.0, to - counter.Value()));
+  }
   void set_process() {
     const ProcessFigures now = process_figures();
-    prom::Counter& cpu = counter(Metric::kProcessCpu);
-    cpu.Increment(std::max(0.0, now.cpu_s - cpu.Value()));
+    raise(counter(Metric::kProcessCpu), now.cpu_s);
     gauge(Metric::kProcessMemory).Set(now.resident_bytes);
     gauge(Metric::kProcessFiles).Set(now.open_files);
     gauge(Metric::kProcessMaxFiles).Set(now.max_files);
@@ -111,6 +114,9 @@ struct Metrics::Parts {
   std::vector<AnyFamily> families;
   std::mutex names_mutex;
   std::set<std::string> map_names;
+  std::mutex revisions_mutex;
+  /// By label of the map.
+  std::map<std::string, std::int64_t> revisions;
   std::mutex rollouts_mutex;
   /// By label of the map.
   std::map<std::string, RolloutFigure> rollouts;
@@ -205,6 +211,15 @@ void Metrics::map_load_failed(std::string_view map) {
   parts_->counter(Metric::kMapLoadFailures, {parts_->map_label(map)}).Increment();
 }
 
+void Metrics::set_map_revisions(const std::map<std::string, std::int64_t>& revisions) {
+  const std::lock_guard lock(parts_->revisions_mutex);
+  for (auto& [label, revision] : parts_->revisions) revision = 0;
+  for (const auto& [map, revision] : revisions)
+    parts_->revisions[parts_->map_label(map)] = revision;
+  for (const auto& [label, revision] : parts_->revisions)
+    parts_->gauge(Metric::kMapRevision, {label}).Set(static_cast<double>(revision));
+}
+
 void Metrics::set_rollouts(const std::vector<RolloutFigure>& rollouts) {
   const std::lock_guard lock(parts_->rollouts_mutex);
   for (auto& [label, figure] : parts_->rollouts) figure = {};
@@ -238,6 +253,20 @@ void Metrics::set_store_disk(std::uint64_t free_bytes, std::uint64_t reserve_byt
   parts_->gauge(Metric::kStoreFreeBytes).Set(static_cast<double>(free_bytes));
   parts_->gauge(Metric::kStoreReserveBytes).Set(static_cast<double>(reserve_bytes));
   parts_->gauge(Metric::kStoreWritable).Set(writable ? 1.0 : 0.0);
+}
+void Metrics::set_state_silence(double seconds) {
+  parts_->gauge(Metric::kStateSilence).Set(seconds);
+}
+void Metrics::audit_missed() { parts_->counter(Metric::kAuditMissing).Increment(); }
+void Metrics::set_blobs(const BlobFigures& figures) {
+  const auto raise = [&](Metric metric, std::string_view result, std::uint64_t to) {
+    parts_->raise(parts_->counter(metric, {result}), static_cast<double>(to));
+  };
+  raise(Metric::kS3Requests, "answered", figures.answered);
+  raise(Metric::kS3Requests, "failed", figures.failed);
+  raise(Metric::kCacheFiles, "found", figures.found);
+  raise(Metric::kCacheFiles, "fetched", figures.fetched);
+  parts_->gauge(Metric::kCacheBytes).Set(static_cast<double>(figures.cache_bytes));
 }
 void Metrics::set_certificate_end(double unix_s) {
   parts_->gauge(Metric::kCertificateEnd).Set(unix_s);

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -74,6 +75,9 @@ class Metrics {
   void set_maps(std::size_t ready, std::size_t loading, std::size_t failed);
   void map_loaded(std::string_view map, double seconds);
   void map_load_failed(std::string_view map);
+  /// Revisions of the maps that are served, by name: all that there are; maps that had one before
+  /// are set to 0.
+  void set_map_revisions(const std::map<std::string, std::int64_t>& revisions);
 
   struct RolloutFigure {
     std::string map;
@@ -93,6 +97,17 @@ class Metrics {
   /// Of the store's disk, and whether the store takes changes.
   void set_store_disk(std::uint64_t free_bytes, std::uint64_t reserve_bytes, bool writable);
   void set_store_bytes(std::uint64_t used_bytes);
+  /// Since the state in PostgreSQL answered last.
+  void set_state_silence(double seconds);
+  /// Something was done that the audit log does not tell of.
+  void audit_missed();
+
+  /// Of packages in S3; counts since the program began.
+  struct BlobFigures {
+    std::uint64_t answered = 0, failed = 0;
+    std::uint64_t cache_bytes = 0, found = 0, fetched = 0;
+  };
+  void set_blobs(const BlobFigures& figures);
   /// When the certificate in use ends [s since 1970, UTC].
   void set_certificate_end(double unix_s);
   /// Of keys, certificate or configuration, on SIGHUP.

@@ -66,8 +66,16 @@ class PackageBlobs {
   [[nodiscard]] virtual std::vector<std::string> unnamed(const FileBytes& named) = 0;
   virtual void remove_blobs(const std::vector<std::string>& sha256s) = 0;
 
-  /// Whether the newest request got no answer, and that is less than a minute ago.
-  [[nodiscard]] virtual bool is_away() const = 0;
+  /// For those who operate a server. Counts begin with the program.
+  struct Figures {
+    /// Whether the newest request got no answer, and that is less than a minute ago.
+    bool is_away = false;
+    /// Tries of requests that got an answer, be it a refusal, and tries that got none.
+    std::uint64_t answered = 0, failed = 0;
+    /// Of the local disk: what lies there, and files that were found there or fetched.
+    std::uint64_t local_bytes = 0, found = 0, fetched = 0;
+  };
+  [[nodiscard]] virtual Figures figures() const = 0;
   /// The program ends: what is under way fails, and nothing begins.
   virtual void stop() = 0;
 };

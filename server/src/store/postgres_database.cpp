@@ -342,6 +342,7 @@ void PostgresWatch::watch(const std::stop_token& stop) {
     const PostgresDatabase::Result result(
         pq.exec(connection.get(), "SELECT n FROM stillmap.changes"));
     if (pq.rows(result.get()) != 1) return;
+    heard_at_ = steady_clock::now();
     std::string now = pq.value(result.get(), 0, 0);
     if (std::exchange(seen, now) != now) ++mark_;
   };
@@ -356,6 +357,7 @@ void PostgresWatch::watch(const std::stop_token& stop) {
       }
       // What came while nobody listened.
       is_away_ = false;
+      heard_at_ = steady_clock::now();
       ++mark_;
     }
     pollfd waiting{pq.socket(connection.get()), POLLIN, 0};
@@ -368,6 +370,7 @@ void PostgresWatch::watch(const std::stop_token& stop) {
     }
     while (PGnotify* const told = pq.notification(connection.get())) {
       pq.free(told);
+      heard_at_ = steady_clock::now();
       ++mark_;
     }
   }

@@ -57,12 +57,17 @@ class PostgresWatch {
   /// This process has changed something, and will not wait until it is told.
   void bump() { ++mark_; }
   [[nodiscard]] bool is_away() const { return is_away_; }
+  /// Since PostgreSQL answered last.
+  [[nodiscard]] std::chrono::steady_clock::duration silence() const {
+    return std::chrono::steady_clock::now() - heard_at_.load();
+  }
 
  private:
   void watch(const std::stop_token& stop);
   PostgresAddress address_;
   std::atomic<std::int64_t> mark_ = 0;
   std::atomic<bool> is_away_ = false;
+  std::atomic<std::chrono::steady_clock::time_point> heard_at_{std::chrono::steady_clock::now()};
   std::jthread thread_;  // last: it uses all of the above
 };
 

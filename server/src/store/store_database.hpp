@@ -3,6 +3,7 @@
 #include "store/disk_calls.hpp"
 #include "store/disk_full.hpp"
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -85,6 +86,11 @@ class StoreDatabase {
   [[nodiscard]] std::optional<std::int64_t> told_mark() const {
     if (!watch_) return std::nullopt;
     return watch_->mark();
+  }
+  /// Since PostgreSQL answered last; nothing for SQLite.
+  [[nodiscard]] std::chrono::duration<double> silence() const {
+    if (!watch_) return {};
+    return watch_->silence();
   }
   /// Writes all of it into a new file of SQLite's.
   void copy_to(SqliteDatabase& file);

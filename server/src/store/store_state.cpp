@@ -457,6 +457,8 @@ std::string StoreState::not_writable_because() const {
   return inner_->database.not_writable_because();
 }
 
+std::chrono::duration<double> StoreState::silence() const { return inner_->database.silence(); }
+
 std::vector<std::string> StoreState::condemned() const {
   const Reading reading(inner_->database);
   Statement row(reading.database(), "SELECT digest FROM condemned ORDER BY digest");

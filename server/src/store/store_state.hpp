@@ -13,6 +13,7 @@
 #include "store/store_quota.hpp"
 #include "store/store_refusal.hpp"
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -171,6 +172,8 @@ class StoreState {
   void keep_ballast() const;
   /// Why no change is possible; empty when changes are.
   [[nodiscard]] std::string not_writable_because() const;
+  /// Since a state in PostgreSQL answered last; nothing for one in the folder.
+  [[nodiscard]] std::chrono::duration<double> silence() const;
 
   /// Gives all versions of a package the one that it was migrated to, and keeps the former digest
   /// as a name of it. The former package is noted as `condemned`.

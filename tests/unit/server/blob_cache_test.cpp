@@ -83,6 +83,9 @@ TEST_F(BlobCacheTest, FetchesABlobOnce) {
   EXPECT_EQ(read(cache, one), remote_[one]);
   EXPECT_EQ(read(cache, one), remote_[one]);
   EXPECT_EQ(fetched_, 1);
+  EXPECT_EQ(cache.figures().fetched, 1U);
+  EXPECT_EQ(cache.figures().found, 1U);
+  EXPECT_EQ(cache.figures().used_bytes, cache.used_bytes());
   // The next process finds it.
   BlobCache next = this->cache();
   EXPECT_EQ(read(next, one), remote_[one]);

@@ -43,12 +43,16 @@ void use_all(Metrics& metrics) {
   metrics.set_maps(1, 0, 0);
   metrics.map_loaded("town", 2.0);
   metrics.map_load_failed("depot");
+  metrics.set_map_revisions({{"town", 3}});
   metrics.set_rollouts({{.map = "town", .share = 0.1, .halted = false}});
   metrics.rollout_answered("town", "others", "ok");
   metrics.set_jobs("enqueued", 1);
   metrics.job_ended("failed", 100.0);
   metrics.set_store_bytes(1000);
   metrics.set_store_disk(2000, 100, true);
+  metrics.set_state_silence(0.1);
+  metrics.audit_missed();
+  metrics.set_blobs({.answered = 5, .failed = 1, .cache_bytes = 1000, .found = 3, .fetched = 2});
   metrics.set_certificate_end(2e9);
   metrics.reloaded(true);
 }
@@ -106,6 +110,26 @@ TEST(Metrics, ClientsCannotMakeSeries) {
   EXPECT_THAT(capped, HasSubstr("{map=\"map-7\",method=\"default\",status=\"ok\"} 2"));
   EXPECT_THAT(capped, Not(HasSubstr("{map=\"map-200\"")));
   EXPECT_THAT(capped, HasSubstr("{map=\"other\",method=\"default\",status=\"ok\"} 100"));
+}
+
+TEST(Metrics, CountsThatAreKeptElsewhereOnlyGrow) {
+  Metrics metrics("1");
+  metrics.set_blobs({.answered = 5, .failed = 1, .cache_bytes = 1000, .found = 3, .fetched = 2});
+  metrics.set_blobs({.answered = 7, .failed = 1, .cache_bytes = 500, .found = 3, .fetched = 4});
+  const std::string text = metrics.text();
+  EXPECT_THAT(text, HasSubstr("stillmap_s3_requests_total{result=\"answered\"} 7"));
+  EXPECT_THAT(text, HasSubstr("stillmap_s3_requests_total{result=\"failed\"} 1"));
+  EXPECT_THAT(text, HasSubstr("stillmap_blob_cache_files_total{result=\"fetched\"} 4"));
+  EXPECT_THAT(text, HasSubstr("stillmap_blob_cache_bytes 500"));
+}
+
+TEST(Metrics, TheRevisionOfAMapThatIsGoneIsZero) {
+  Metrics metrics("1");
+  metrics.set_map_revisions({{"town", 3}, {"depot", 2}});
+  EXPECT_THAT(metrics.text(), HasSubstr("stillmap_map_revision{map=\"town\"} 3"));
+  metrics.set_map_revisions({{"depot", 4}});
+  EXPECT_THAT(metrics.text(), HasSubstr("stillmap_map_revision{map=\"town\"} 0"));
+  EXPECT_THAT(metrics.text(), HasSubstr("stillmap_map_revision{map=\"depot\"} 4"));
 }
 
 TEST(Metrics, ReadersRunBeforeEachText) {

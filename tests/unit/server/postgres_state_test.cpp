@@ -96,6 +96,7 @@ TEST_F(PostgresStateTest, GoesOnWhenItIsBack) {
   EXPECT_EQ(state.keys().check(key.text, kNow).verdict, Verdict::kGood)
       << "vehicles are localized on";
   EXPECT_TRUE(in_the_end([&] { return !state.not_writable_because().empty(); }));
+  EXPECT_TRUE(in_the_end([&] { return state.silence() > std::chrono::milliseconds(500); }));
 
   postgres().start();
   EXPECT_TRUE(in_the_end([&] {
@@ -107,6 +108,7 @@ TEST_F(PostgresStateTest, GoesOnWhenItIsBack) {
   }));
   EXPECT_EQ(state.maps().size(), 2U);
   EXPECT_TRUE(in_the_end([&] { return state.not_writable_because().empty(); }));
+  EXPECT_TRUE(in_the_end([&] { return state.silence() < std::chrono::milliseconds(500); }));
   const StoreState other(*address_);
   EXPECT_EQ(other.maps().size(), 2U);
 }

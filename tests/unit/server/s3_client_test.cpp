@@ -153,13 +153,15 @@ TEST_F(S3ClientTest, TriesAreBounded) {
 
 TEST_F(S3ClientTest, KnowsWhetherItIsAway) {
   S3Client client(options_);
-  EXPECT_FALSE(client.is_away());
+  EXPECT_FALSE(client.figures().is_away);
   for (int i = 0; i < 3; ++i) server_.add(error(503, "SlowDown"));
   EXPECT_THROW((void)get(client), S3Error);
-  EXPECT_TRUE(client.is_away());
+  EXPECT_TRUE(client.figures().is_away);
   server_.add(error(404, "NoSuchKey"));
   EXPECT_THROW((void)get(client), S3Error);
-  EXPECT_FALSE(client.is_away());
+  EXPECT_FALSE(client.figures().is_away);
+  EXPECT_EQ(client.figures().failed, 3U);
+  EXPECT_EQ(client.figures().answered, 1U);
 }
 
 TEST_F(S3ClientTest, WhatCannotPassIsNotTriedAgain) {
