@@ -126,9 +126,10 @@ inline constexpr std::array kMetricTable = {
                "Since the state in PostgreSQL answered last; 0 with a state in the folder."},
     MetricInfo{"stillmap_audit_missing_total", "counter", "",
                "What was done or refused and is not in the audit log; the server's log has it."},
-    MetricInfo{"stillmap_s3_requests_total", "counter", "result",
-               "Tries of requests to S3: answered (be it a refusal), failed (no answer, or one that "
-               "asks to try again)."},
+    MetricInfo{
+        "stillmap_s3_requests_total", "counter", "result",
+        "Tries of requests to S3: answered (be it a refusal), failed (no answer, or one that "
+        "asks to try again)."},
     MetricInfo{"stillmap_blob_cache_bytes", "gauge", "",
                "Bytes on the local disk of packages in S3; 0 without S3."},
     MetricInfo{"stillmap_blob_cache_files_total", "counter", "result",
