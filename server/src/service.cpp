@@ -1,6 +1,7 @@
 #include "service.hpp"
 #include "store/free_bytes.hpp"
 
+#include "blobs/s3_client.hpp"
 #include "errors/api_error.hpp"
 #include "errors/refusal_codes.hpp"
 #include "http/header_text.hpp"
@@ -259,6 +260,12 @@ std::string subject_of(const Router::Match& match) {
   return subject;
 }
 
+/// Whether the audit log tells of it.
+bool is_write(const Route& route) {
+  const bool changes = route.access == Access::kWrite || route.access == Access::kAdmin;
+  return changes && route.method != "GET";
+}
+
 /// The exception that is being handled, as the client is told of it. Paths of this machine stay in
 /// the log; that of the request does not get there, since the name of a session is its secret.
 ApiError caught(const HttpRequest& request, const Route& route) {
@@ -266,7 +273,11 @@ ApiError caught(const HttpRequest& request, const Route& route) {
     spdlog::error("{} {} {}: {}", request.request_id, route.method, route.pattern, error.what());
     if (code == ErrorCode::kDiskFull) return ApiError(code, "there is no room left for it");
     if (code == ErrorCode::kStateAway)
-      return ApiError(code, "it may have happened: send it again after Retry-After");
+      return ApiError(code, is_write(route)
+                                ? "it may have happened: send it again after Retry-After"
+                                : "PostgreSQL does not answer: ask again after Retry-After");
+    if (code == ErrorCode::kPackagesAway)
+      return ApiError(code, "S3 does not answer: send it again after Retry-After");
     return ApiError(code, "the log says more");
   };
   try {
@@ -277,6 +288,9 @@ ApiError caught(const HttpRequest& request, const Route& route) {
     return {code_of(error.reason()), error.what()};
   } catch (const StateAway& error) {
     return logged(ErrorCode::kStateAway, error).with_header("Retry-After", "1");
+  } catch (const S3Error& error) {
+    if (!error.may_pass()) return logged(ErrorCode::kStorageError, error);
+    return logged(ErrorCode::kPackagesAway, error).with_header("Retry-After", "5");
   } catch (const DiskFull& error) {
     return logged(ErrorCode::kDiskFull, error);
   } catch (const maps::StorageError& error) {
@@ -288,12 +302,6 @@ ApiError caught(const HttpRequest& request, const Route& route) {
   } catch (const std::exception& error) {
     return logged(ErrorCode::kInternalError, error);
   }
-}
-
-/// Whether the audit log tells of it.
-bool is_write(const Route& route) {
-  const bool changes = route.access == Access::kWrite || route.access == Access::kAdmin;
-  return changes && route.method != "GET";
 }
 
 /// Whether it is for making room, or for ending what somebody does: possible on a full disk too.

@@ -18,7 +18,7 @@ PROGRAM = sys.argv[1]
 TABLE = pathlib.Path(sys.argv[2])
 PROMTOOL = support.tool("promtool", sys.argv[3])
 FOLDER = support.DEPLOY / "monitoring"
-ROW = re.compile(r'MetricInfo\{"(\w+)",\s*"(\w+)",\s*"([\w,]*)"')
+ROW = re.compile(r'MetricInfo\{\s*"(\w+)",\s*"(\w+)",\s*"([\w,]*)"')
 SUFFIXES = {"histogram": ("_bucket", "_sum", "_count"), "counter": ("",), "gauge": ("",)}
 # Prometheus adds these to everything that it scrapes.
 ADDED = {"job", "instance"}

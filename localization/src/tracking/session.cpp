@@ -119,6 +119,23 @@ std::optional<Eigen::Isometry3d> TrackingSession::believed_T_map_lidar() const {
   return std::nullopt;
 }
 
+bool TrackingSession::knows_place_at(std::int64_t stamp_ns,
+                                     const std::optional<OdometryStep>& odometry) const {
+  if (history_.newest_ns() && stamp_ns <= *history_.newest_ns()) return true;
+  Belief belief = belief_;
+  Step step;
+  step.stamp_ns = stamp_ns;
+  predict(belief, step, odometry);
+  choose_mode(belief, step);
+  return belief.mode == Mode::kTracking;
+}
+
+void TrackingSession::forget_place() {
+  given_.reset();
+  belief_ = {};
+  history_.forget_states();
+}
+
 void TrackingSession::continue_from(const TrackingSession& other,
                                     const Eigen::Isometry3d& T_map_other,
                                     const Matrix6d& covariance) {

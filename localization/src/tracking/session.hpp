@@ -28,6 +28,9 @@ class TrackingSession {
   /// Of a session that is new.
   void restore(const TrackingState& state);
   [[nodiscard]] std::optional<Eigen::Isometry3d> believed_T_map_lidar() const;
+  [[nodiscard]] bool knows_place_at(std::int64_t stamp_ns,
+                                    const std::optional<OdometryStep>& odometry) const;
+  void forget_place();
   /// The same: the other one was in another map.
   void continue_from(const TrackingSession& other, const Eigen::Isometry3d& T_map_other,
                      const Matrix6d& covariance);

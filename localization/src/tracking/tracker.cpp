@@ -68,6 +68,9 @@ Tracker::Tracker(std::shared_ptr<const Aligner> aligner, const TrackerOptions& o
 }
 
 Tracker::~Tracker() = default;
+Tracker::Tracker(const Tracker& other)
+    : session_(std::make_unique<TrackingSession>(*other.session_)) {}
+Tracker& Tracker::operator=(const Tracker& other) { return *this = Tracker(other); }
 Tracker::Tracker(Tracker&&) noexcept = default;
 Tracker& Tracker::operator=(Tracker&&) noexcept = default;
 
@@ -108,6 +111,13 @@ Tracker Tracker::restored(std::shared_ptr<const Aligner> aligner, const TrackerO
 std::optional<Eigen::Isometry3d> Tracker::believed_T_map_lidar() const {
   return session_->believed_T_map_lidar();
 }
+
+bool Tracker::knows_place_at(std::int64_t stamp_ns,
+                             const std::optional<OdometryStep>& odometry) const {
+  return session_->knows_place_at(stamp_ns, odometry);
+}
+
+void Tracker::forget_place() { session_->forget_place(); }
 
 Tracker Tracker::continued_in(std::shared_ptr<const Aligner> aligner, const TrackerOptions& options,
                               const Eigen::Isometry3d& T_other_map,

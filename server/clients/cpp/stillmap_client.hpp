@@ -1254,10 +1254,38 @@ class Client {
       std::make_shared<std::map<std::string, std::int64_t>>();
 };
 
+/// Where a vehicle was in a set of maps when its session ended: the next one begins around there,
+/// as far as the vehicle may have come since then. A large set needs a place to begin at.
+class LastPlace {
+ public:
+  void note(const PoseAnswer& answer) {
+    if (!answer.T_set_lidar || answer.status != "ok") return;
+    pose_ = answer.T_set_lidar;
+    at_ = std::chrono::steady_clock::now();
+  }
+  /// Nothing where nothing is known, as in one map: there it is searched for everywhere.
+  [[nodiscard]] std::optional<Prior> prior() const {
+    if (!pose_) return std::nullopt;
+    const std::chrono::duration<double> age = std::chrono::steady_clock::now() - at_;
+    const double way_m = 10.0 + kMostMS * age.count();
+    Prior prior{*pose_};
+    prior.covariance.emplace(Covariance{});
+    const std::array<double, 6> deviations{way_m, way_m, 10.0, 0.2, 0.2, 2.0};
+    for (std::size_t i = 0; i < 6; ++i) (*prior.covariance)[7 * i] = deviations[i] * deviations[i];
+    return prior;
+  }
+
+ private:
+  /// One standard deviation.
+  static constexpr double kMostMS = 15.0;
+  std::optional<Pose> pose_;
+  std::chrono::steady_clock::time_point at_{};
+};
+
 /// One vehicle whose session travels with its scans: any server of a store goes on with it. A scan
 /// whose answer was lost is sent again with the same seal, to the next server if there are several.
 /// When the seal cannot be used any more (older than 60 s, its version removed) the scan is sent
-/// again without it, and searched for everywhere.
+/// again without it, and searched for everywhere; in a set of maps, around the last place.
 class SealedSession {
  public:
   /// @param servers  of one store; one is enough behind a load balancer.
@@ -1281,6 +1309,7 @@ class SealedSession {
     });
     if (const auto& place = answer.T_set_lidar ? answer.T_set_lidar : answer.pose)
       region_ = region_of(*place);
+    last_.note(answer);
     return answer;
   }
   /// The same as OGC GeoPose. @throws as `Client::localize_geopose`.
@@ -1295,6 +1324,7 @@ class SealedSession {
   void initialize(const std::optional<Prior>& prior = {}, const std::optional<Gnss>& gnss = {}) {
     seal_.clear();
     region_.clear();
+    last_ = {};
     start_.prior = prior;
     start_.gnss = gnss;
   }
@@ -1318,6 +1348,7 @@ class SealedSession {
       if (!is_seal_spent(problem) || seal_.empty()) throw;
     }
     seal_.clear();
+    start_.prior = last_.prior();
     return ask_all(options, ask);
   }
 
@@ -1368,6 +1399,7 @@ class SealedSession {
   SessionOptions start_;
   std::string seal_;
   std::string region_;
+  LastPlace last_;
   std::uint64_t begun_ = 0;
 };
 
@@ -1489,7 +1521,10 @@ class SessionStream {
                                : client_.track(session_, points, scan.stamp_ns, options);
     } catch (const Problem& problem) {
       const bool gone = problem.code == "UnknownSession" || is_seal_spent(problem);
-      if (gone) session_.clear();
+      if (gone) {
+        session_.clear();
+        opening_.prior = last_.prior();
+      }
       failed(scan, problem);
       if (!gone && !is_passing(problem)) return std::nullopt;
       return wait_time(tries + 1, &problem);
@@ -1502,6 +1537,7 @@ class SessionStream {
       return std::nullopt;
     }
     count(&Counts::answered);
+    last_.note(answer);
     on_answer_(scan.stamp_ns, answer);
     return std::nullopt;
   }
@@ -1588,6 +1624,7 @@ class SessionStream {
   std::string session_;  // of the sending thread; a seal where sessions are sealed
   /// Where the vehicle was last; of a sealed session.
   std::string region_;
+  LastPlace last_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<Scan> waiting_;

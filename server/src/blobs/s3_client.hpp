@@ -53,6 +53,10 @@ class S3Error : public maps::StorageError {
   /// Of HTTP; 0 when there was no answer.
   [[nodiscard]] int status() const { return status_; }
   [[nodiscard]] bool is_missing() const { return status_ == 404; }
+  /// Whether there was no answer, or one of a server that is overloaded or broken.
+  [[nodiscard]] bool may_pass() const {
+    return status_ == 0 || status_ == 429 || (status_ >= 500 && status_ <= 504 && status_ != 501);
+  }
 
  private:
   int status_;

@@ -191,6 +191,8 @@ StoredMap MapCatalog::activate(std::string_view map, std::string_view version,
   if (before.active && *before.active != key.second && !new_frame) {
     const ServedVersion present = open({key.first, *before.active}).served;
     require_one_frame(present, next);
+  } else if (before.active) {
+    require_no_set(open({key.first, *before.active}).served, next);
   }
   // What was compared is what must be active still.
   StoredMap after = store_.activate(map, version, revision ? revision : before.revision);
@@ -215,6 +217,18 @@ void MapCatalog::require_one_frame(const ServedVersion& present, const ServedVer
                      version_text(present.map, present.version) +
                      ", so positions may mean other places: build it with --register-to, or "
                      "activate it with new_frame=true");
+}
+
+void MapCatalog::require_no_set(const ServedVersion& present, const ServedVersion& next) const {
+  if (!present.package || in_one_frame(present, next)) return;
+  for (const MapSet& set : store_.state().sets().list())
+    for (const MapSet::Member& member : set.maps)
+      if (member.map == next.map)
+        throw ApiError(ErrorCode::kOtherFrame,
+                       version_text(next.map, next.version) + " has another frame, and the set '" +
+                           set.name + "' says where the present one lies: take the map out of " +
+                           "the set, activate the version, and put the map back with the new place "
+                           "of its frame");
 }
 
 Rollout MapCatalog::put_rollout(const Rollout& rollout) {
@@ -272,14 +286,6 @@ std::vector<Rollout> MapCatalog::rollouts() const {
 std::vector<MapSet> MapCatalog::sets() const {
   const std::scoped_lock lock(mutex_);
   return sets_;
-}
-
-std::optional<MapSet> MapCatalog::set(std::string_view name) const {
-  const std::scoped_lock lock(mutex_);
-  const auto found = std::find_if(sets_.begin(), sets_.end(),
-                                  [&](const MapSet& each) { return each.name == name; });
-  if (found == sets_.end()) return std::nullopt;
-  return *found;
 }
 
 bool MapCatalog::put_set(const MapSet& set) {

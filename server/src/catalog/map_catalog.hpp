@@ -146,7 +146,8 @@ class MapCatalog {
   /// Loads the version, makes it the active one, and serves it from then on. When it cannot be
   /// loaded nothing changes.
   /// @param revision   as in `StoreState::activate`.
-  /// @param new_frame  whether its map frame may differ from that of the active version.
+  /// @param new_frame  whether its map frame may differ from that of the active version, of a map
+  /// that is in no set.
   /// @throws ApiError kVersionUnusable, kOtherFrame; StoreRefusal as `PackageStore::activate`.
   StoredMap activate(std::string_view map, std::string_view version,
                      std::optional<std::int64_t> revision = {}, bool new_frame = false);
@@ -168,7 +169,6 @@ class MapCatalog {
   [[nodiscard]] std::vector<Rollout> rollouts() const;
   /// Sorted by name, as the store had them a second ago, or when it was reached last.
   [[nodiscard]] std::vector<MapSet> sets() const;
-  [[nodiscard]] std::optional<MapSet> set(std::string_view name) const;
   /// As `SetTable::put` and `remove`; what the catalogue knows follows at once.
   bool put_set(const MapSet& set);
   bool remove_set(std::string_view name);
@@ -206,6 +206,7 @@ class MapCatalog {
   void follow_rollouts();
   void follow_sets();
   void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
+  void require_no_set(const ServedVersion& present, const ServedVersion& next) const;
   void notice_replaced();
   [[nodiscard]] ServedVersion named(std::string_view map, std::string_view version);
   void notice_trust();

@@ -83,6 +83,8 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kBeingMade, "BeingMade", "It is still being made", 503},
     ErrorInfo{ErrorCode::kDerivedUnavailable, "DerivedUnavailable", "It could not be made", 503},
     ErrorInfo{ErrorCode::kStateAway, "StateAway", "The server cannot reach its state", 503},
+    ErrorInfo{ErrorCode::kPackagesAway, "PackagesAway", "The server cannot reach its packages",
+              503},
     ErrorInfo{ErrorCode::kDeadlineExceeded, "DeadlineExceeded", "No answer within the deadline",
               504},
     ErrorInfo{ErrorCode::kOverQuota, "OverQuota", "The store's quota is used up", 507},

@@ -74,6 +74,7 @@ enum class ErrorCode {
   kBeingMade,
   kDerivedUnavailable,
   kStateAway,
+  kPackagesAway,
   kDeadlineExceeded,
   kOverQuota,
   kDiskFull,

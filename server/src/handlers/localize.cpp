@@ -13,20 +13,6 @@
 namespace stillmap::server {
 namespace {
 
-/// As far as the head tells it: parameters in a body are taken for the usual ones.
-WorkKind kind_in_head(const HttpRequest& request) {
-  const auto has = [&](std::string_view name) {
-    return std::any_of(request.query.begin(), request.query.end(),
-                       [&](const auto& each) { return each.first == name; });
-  };
-  const auto method = std::find_if(request.query.begin(), request.query.end(),
-                                   [](const auto& each) { return each.first == "method"; });
-  if (method != request.query.end() && is_reference(method->second)) return WorkKind::kReference;
-  const bool flat = request.header("content-type").starts_with("application/octet-stream") ||
-                    request.header("content-type").starts_with("application/vnd.pcd");
-  return flat && !has("prior_t") && !has("gnss") ? WorkKind::kEverywhere : WorkKind::kNearPrior;
-}
-
 void align(const Context& context, const ServedVersion& map, PoseRequest& request,
            PoseAnswer& answer) {
   PoseParameters& parameters = request.parameters;
@@ -128,11 +114,10 @@ HttpResponse answer_localize_in_set(const Context& context, const HttpRequest& r
     answer.timing.decode_ms = milliseconds_since(begin);
     deadline = deadline_of(context, request, pose_request.parameters.deadline);
     const PlaceInSet place{pose_request.parameters.prior, pose_request.parameters.gnss};
-    set = maps_of(context, request.caller, wanted_set(context, name, place.gnss.has_value()),
+    set = maps_of(context, wanted_set(context, request.caller, name, place.gnss.has_value()),
                   vehicle);
-    const SetCandidates nearest = candidates_in(set, place);
-    // All that are asked take one thinned scan and have the form of the answer.
-    set.maps = maps_like(set.maps, nearest.maps.front().in->map);
+    // All that are asked take one thinned scan.
+    set = maps_like(set, candidates_in(set, place).maps.front().in->map);
     const SetCandidates candidates = candidates_in(set, place);
     forms = pose_forms(request, candidates.maps.front().in->map);
     align_in_set(context, set, candidates, pose_request, ticket, answer, wanted);
@@ -144,12 +129,6 @@ HttpResponse answer_localize_in_set(const Context& context, const HttpRequest& r
   for (const SetMap& each : set.maps)
     if (each.map.map == answer.map_name) in = &each;
   return pose_response(answer, forms, in->map);
-}
-
-/// What a scan may take at most in a set: it may be looked for in so many maps.
-int units_in(const MapSet& set, WorkKind kind) {
-  if (kind == WorkKind::kNearPrior) return 1;
-  return static_cast<int>(std::clamp<std::size_t>(set.maps.size(), 1, kMostCandidates));
 }
 
 }  // namespace
@@ -181,7 +160,7 @@ void add_localize_routes(std::vector<Route>& routes, const Context& context) {
     const std::string name = read_set(request.query);
     const WorkKind kind = kind_in_head(request);
     // Without a name a fix in the body may do.
-    const int units = name.empty() ? 1 : units_in(wanted_set(context, name), kind);
+    const int units = name.empty() ? 1 : units_in(wanted_set(context, request.caller, name), kind);
     return reserve_room(context, request, kind, units);
   };
   routes.push_back(std::move(in_set));

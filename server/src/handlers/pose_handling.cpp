@@ -130,6 +130,19 @@ std::size_t body_bytes(const Context& context, const HttpRequest& request) {
   return is_json ? std::min(kJsonFactor * bytes, options.max_bodies_bytes) : bytes;
 }
 
+WorkKind kind_in_head(const HttpRequest& request) {
+  const auto has = [&](std::string_view name) {
+    return std::any_of(request.query.begin(), request.query.end(),
+                       [&](const auto& each) { return each.first == name; });
+  };
+  const auto method = std::find_if(request.query.begin(), request.query.end(),
+                                   [](const auto& each) { return each.first == "method"; });
+  if (method != request.query.end() && is_reference(method->second)) return WorkKind::kReference;
+  const bool flat = request.header("content-type").starts_with("application/octet-stream") ||
+                    request.header("content-type").starts_with("application/vnd.pcd");
+  return flat && !has("prior_t") && !has("gnss") ? WorkKind::kEverywhere : WorkKind::kNearPrior;
+}
+
 std::shared_ptr<void> reserve_room(const Context& context, const HttpRequest& request,
                                    WorkKind kind, int units) {
   const AlignmentQueue::Work work{

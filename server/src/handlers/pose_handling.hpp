@@ -57,6 +57,8 @@ void require_client(const HttpRequest& request);
 /// @throws ApiError kDeadlineExceeded, kClientGone.
 void require_wanted(const HttpRequest& request, PoseClock::time_point deadline);
 
+/// As far as the head tells it: parameters in a body are taken for the usual ones.
+[[nodiscard]] WorkKind kind_in_head(const HttpRequest& request);
 /// Room for a request with a scan, by its head alone; goes into `HttpRequest::reservation`.
 /// @param units  scans in it. @throws ApiError kBusy, kTooManyRequests.
 [[nodiscard]] std::shared_ptr<void> reserve_room(const Context& context, const HttpRequest& request,

@@ -102,16 +102,18 @@ HttpResponse lost_response(const PoseAnswer& answer) {
   return problem_response(error, answer.request_id);
 }
 
+[[noreturn]] void refuse_geopose() {
+  throw field_error(ErrorCode::kNotAcceptable, "Accept",
+                    fmt::format("{} for a map without geodetic_origin", kGeoPose),
+                    "application/json, or a map with a place on the Earth (build --geo-origin)");
+}
+
 }  // namespace
 
 PoseForms pose_forms(const HttpRequest& request, const ServedVersion& map) {
   PoseForms forms = forms_in(request);
   if (!forms.geopose || map.package->manifest().geodetic_origin) return forms;
-  if (!forms.json) {
-    throw field_error(ErrorCode::kNotAcceptable, "Accept",
-                      fmt::format("{} for a map without geodetic_origin", kGeoPose),
-                      "application/json, or a map with a place on the Earth (build --geo-origin)");
-  }
+  if (!forms.json) refuse_geopose();
   forms.geopose.reset();
   return forms;
 }
@@ -125,6 +127,11 @@ void require_json_taken(const HttpRequest& request) {
 HttpResponse pose_response(const PoseAnswer& answer, const PoseForms& forms,
                            const ServedVersion& map) {
   if (!forms.geopose) return json_response(pose_answer_json(answer));
+  // In a set, another map than the first may be without.
+  if (!map.package->manifest().geodetic_origin) {
+    if (!forms.json) refuse_geopose();
+    return json_response(pose_answer_json(answer));
+  }
   HttpResponse response;
   if (answer.result.status == localization::PoseStatus::kLost) {
     response = forms.json ? json_response(pose_answer_json(answer)) : lost_response(answer);

@@ -29,15 +29,36 @@ struct SealedScope {
   std::optional<MapSet> set;
 };
 
-SealedScope scope_of(const Context& context, const HttpRequest& request,
-                     const PathParameters& path) {
-  if (path.contains("map")) return {path, std::nullopt};
-  return {path, wanted_set(context, read_set(request.query))};
-}
-
 SealOwner owner_of(const HttpRequest& request, const SealedScope& scope) {
   return {.key_id = request.caller.key_id,
           .map = scope.set ? "set/" + scope.set->name : scope.path.at("map")};
+}
+
+/// Of a seal that comes without the name of its set, the one that it was made for: there may be
+/// more sets by now.
+std::optional<MapSet> set_of_seal(const Context& context, const HttpRequest& request,
+                                  const PathParameters& path) {
+  const std::string seal = request.header("stillmap-seal");
+  if (seal.empty()) return std::nullopt;
+  for (MapSet& set : seen_sets(context, request.caller)) {
+    const SealedScope scope{path, std::move(set)};
+    try {
+      (void)context.seals.open(seal, owner_of(request, scope));
+      return scope.set;
+    } catch (const ApiError& error) {
+      if (error.code() != ErrorCode::kInvalidSeal) return scope.set;
+    }
+  }
+  return std::nullopt;
+}
+
+SealedScope scope_of(const Context& context, const HttpRequest& request,
+                     const PathParameters& path) {
+  if (path.contains("map")) return {path, std::nullopt};
+  const std::string name = read_set(request.query);
+  if (name.empty())
+    if (auto set = set_of_seal(context, request, path)) return {path, std::move(set)};
+  return {path, wanted_set(context, request.caller, name)};
 }
 
 std::string hex_of(const std::string& id) {
@@ -112,8 +133,11 @@ void require_member(const MapSet& set, const Caller& caller, const SealedSession
   refuse_version(session, "of map '" + session.map + "', which the set no longer has");
 }
 
-/// @throws ApiError for a seal that nothing goes on from, and as `MapCatalog::ready`.
-SealedStart start_of(const Context& context, const HttpRequest& request, const SealedScope& scope) {
+/// @param place  where a session begins.
+/// @throws ApiError for a seal that nothing goes on from, and as `MapCatalog::ready` and
+/// `candidates_in`.
+SealedStart start_of(const Context& context, const HttpRequest& request, const SealedScope& scope,
+                     const PlaceInSet& place) {
   const std::string text = request.header("stillmap-seal");
   SealedStart start;
   start.is_new = text.empty();
@@ -122,11 +146,11 @@ SealedStart start_of(const Context& context, const HttpRequest& request, const S
     require_same(request, scope.path, start.session);
   }
   const std::string vehicle = start.is_new ? read_vehicle(request.query) : start.session.vehicle;
-  if (scope.set) start.set = maps_of(context, request.caller, *scope.set, vehicle);
+  if (scope.set) start.set = maps_of(context, *scope.set, vehicle);
   if (start.is_new) {
     // In a set its first scan tells which.
-    start.map =
-        scope.set ? start.set.maps.front().map : ready_version(context, request, scope.path);
+    start.map = scope.set ? candidates_in(start.set, place).maps.front().in->map
+                          : ready_version(context, request, scope.path);
     start.session = context.seals.begin();
     start.session.version = start.map.version;
     start.session.vehicle = vehicle;
@@ -157,8 +181,7 @@ void check_place(const SealedStart& start, const PoseParameters& parameters) {
 localization::Tracker tracker_of(const SealedStart& start) {
   const auto& aligner = start.map.aligners->front().second;
   const localization::TrackerOptions& options = start.map.localization.tracker;
-  // Without a state where a scan fitted in two maps alike.
-  if (start.is_new || start.session.tracker.empty()) return localization::Tracker(aligner, options);
+  if (start.is_new) return localization::Tracker(aligner, options);
   try {
     return localization::Tracker::restored(aligner, options, start.session.tracker);
   } catch (const maps::InputError&) {
@@ -202,24 +225,25 @@ void note(SealedSession& session, const SetVehicle& vehicle, bool in_set) {
   session.version = vehicle.map.version;
   session.digest = vehicle.map.package->digest();
   session.is_rolled_out = vehicle.is_rolled_out;
-  session.tracker = vehicle.tracker.newest_ns() ? vehicle.tracker.state() : "";
+  session.tracker = vehicle.tracker.state();
 }
 
 HttpResponse answer_next(const Context& context, const HttpRequest& request,
                          const SealedScope& scope) {
-  SealedStart start = start_of(context, request, scope);
   const bool in_set = scope.set.has_value();
-  SealedSession& session = start.session;
-  const PoseForms forms = pose_forms(request, start.map);
   ScanInBody found = find_session_scan(request, context.options,
                                        in_set ? ScanPurpose::kSetSealed : ScanPurpose::kSealed);
+  SealedStart start =
+      start_of(context, request, scope, {found.parameters.prior, found.parameters.gnss});
+  SealedSession& session = start.session;
+  const PoseForms forms = pose_forms(request, start.map);
   check_place(start, found.parameters);
   const bool is_placed = found.parameters.prior || found.parameters.gnss;
   SetVehicle vehicle = vehicle_of(start, found.parameters);
   const std::string before = vehicle.map.map;
   const std::string now = require_rollout(context, before, session);
   vehicle.is_rolled_out = session.is_rolled_out;
-  const std::vector<SetMap> maps = maps_like(start.set.maps, vehicle.map);
+  if (in_set) start.set = maps_like(std::move(start.set), vehicle.map);
   PoseAnswer answer = answer_for(start.map, request);
   answer.vehicle = session.vehicle;
   answer.version_was_named = session.version_was_named;
@@ -232,9 +256,8 @@ HttpResponse answer_next(const Context& context, const HttpRequest& request,
         context, request, std::move(found),
         {.thin = [&](const localization::ScanView& all) { return vehicle.tracker.thin(all); },
          .track =
-             [&](std::int64_t stamp_ns, const localization::ThinScan& scan, const auto& odometry) {
-               SetTrackedPose tracked = track_in_set(vehicle, maps, stamp_ns, scan, odometry,
-                                                     [&] { require_wanted(request, deadline); });
+             [&](const ScanInSet& scan) {
+               SetTrackedPose tracked = track_in_set(vehicle, start.set, scan);
                set_map(answer, start.set, vehicle.map);
                return tracked;
              },
@@ -265,7 +288,10 @@ void add_sealed_session_routes(std::vector<Route>& routes, const Context& contex
     // A seal that cannot be used is refused before its scan is read.
     if (!request.header("stillmap-seal").empty())
       (void)context.seals.open(request.header("stillmap-seal"), owner_of(request, scope));
-    else if (!scope.set)
+    else if (scope.set)
+      return reserve_room(context, request, kind_in_head(request),
+                          units_in(*scope.set, kind_in_head(request)));
+    else
       require_ready(context, request, path);
     return reserve_room(context, request, WorkKind::kNearPrior, 1);
   };

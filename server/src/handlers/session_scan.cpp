@@ -50,14 +50,21 @@ void track_session_scan(const Context& context, const HttpRequest& request, Scan
   answer.timing.decode_ms = milliseconds_since(begin);
   const PoseClock::time_point aligning = PoseClock::now();
   const localization::ThinScan thinned = scan_to_match(pose_request, tracking.thin, answer);
-  SetTrackedPose tracked =
-      tracking.track(*pose_request.parameters.stamp_ns, thinned, pose_request.parameters.odometry);
+  SetTrackedPose tracked = tracking.track(
+      {.stamp_ns = *pose_request.parameters.stamp_ns,
+       .scan_lidar = thinned,
+       .odometry = pose_request.parameters.odometry,
+       .require_wanted = [&] { require_wanted(request, tracking.deadline); },
+       .matched =
+           [&](const localization::TrackedPose& pose) {
+             const bool everywhere = pose.searched_from == localization::SearchedFrom::kEverywhere;
+             ticket.scan_done(everywhere ? WorkKind::kEverywhere : WorkKind::kNearPrior);
+           }});
   localization::TrackedPose& pose = tracked.pose;
   answer.timing.align_ms = milliseconds_since(aligning);
-  const bool everywhere = pose.searched_from == localization::SearchedFrom::kEverywhere;
-  ticket.scan_done(everywhere ? WorkKind::kEverywhere : WorkKind::kNearPrior);
   answer.handed_over_from = std::move(tracked.handed_over_from);
   if (!answer.handed_over_from.empty()) context.metrics.handed_over(answer.map_name);
+  if (!tracked.not_shown_by.empty()) context.metrics.hand_over_refused(tracked.not_shown_by);
   answer.searched_from = pose.searched_from;
   answer.result = std::move(pose.result);
   answer.parameters = std::move(pose_request.parameters);

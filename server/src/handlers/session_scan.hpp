@@ -20,9 +20,7 @@ namespace stillmap::server {
 /// A tracker, as a scan needs it, and until when.
 struct ScanTracking {
   Thinner thin;
-  std::function<SetTrackedPose(std::int64_t stamp_ns, const localization::ThinScan&,
-                               const std::optional<localization::OdometryStep>&)>
-      track;
+  std::function<SetTrackedPose(const ScanInSet&)> track;
   PoseClock::time_point deadline;
 };
 /// Decodes a scan and tracks it. Work: hold a ticket.

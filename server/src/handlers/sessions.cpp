@@ -66,7 +66,7 @@ HttpResponse opened(const Context& context, const Session& session) {
 HttpResponse open_in_set(const Context& context, const HttpRequest& request,
                          const SessionRequest& wanted) {
   const SetOfRequest set =
-      maps_of(context, request.caller, wanted_set(context, wanted.set), wanted.label);
+      maps_of(context, wanted_set(context, request.caller, wanted.set), wanted.label);
   const PlaceInSet place{wanted.prior, wanted.gnss};
   const SetMap& first = *candidates_in(set, place).maps.front().in;
   context.vehicles.seen(first.map.map, wanted.label, first.map.version, {}, unix_ns());
@@ -102,11 +102,11 @@ HttpResponse open_session(const Context& context, const HttpRequest& request) {
 
 /// Of a session in a set those that it may go on in, which are none when the set is gone.
 SetOfRequest maps_of(const Context& context, const Session& session, const Caller& caller) {
-  const auto set = session.set().empty() ? std::nullopt : context.catalog.set(session.set());
-  if (!set) return {};
-  SetOfRequest found = maps_of(context, caller, *set, session.vehicle());
-  found.maps = maps_like(found.maps, session.map());
-  return found;
+  if (!session.set().empty())
+    for (const MapSet& set : seen_sets(context, caller))
+      if (set.name == session.set())
+        return maps_like(maps_of(context, set, session.vehicle()), session.map());
+  return {};
 }
 
 HttpResponse initialize_session(const Context& context, const HttpRequest& request,
@@ -170,11 +170,8 @@ HttpResponse track_scan(const Context& context, const HttpRequest& request,
         context, request, std::move(found),
         {.thin = [&](const localization::ScanView& all) { return session->thin(all); },
          .track =
-             [&](std::int64_t stamp, const localization::ThinScan& scan_lidar,
-                 const auto& odometry) {
-               Session::Tracked tracked =
-                   session->track(stamp, scan_lidar, odometry, set.maps,
-                                  [&] { require_wanted(request, deadline); });
+             [&](const ScanInSet& tracked_scan) {
+               Session::Tracked tracked = session->track(set, tracked_scan);
                map = tracked.map;
                set_map(answer, set, map);
                return tracked.pose;

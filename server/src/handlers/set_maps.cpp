@@ -10,22 +10,32 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace stillmap::server {
 namespace {
 
-/// Every map that knows its place on the Earth, in the frame of the first one.
-MapSet all_on_earth(const MapCatalog& catalog) {
+/// Every map of the caller's that knows its place on the Earth, in the frame of the first one.
+MapSet all_on_earth(const MapCatalog& catalog, const Caller& caller) {
   MapSet set;
   std::optional<maps::GeodeticOrigin> first;
+  bool is_another_there = false;
   for (const ServedVersion& map : catalog.active()) {
     if (!map.package) continue;
+    if (!may_use_map(caller, map.map)) {
+      is_another_there = true;
+      continue;
+    }
     const auto& origin = map.package->manifest().geodetic_origin;
     if (!origin) continue;
     if (!first) first = origin;
     set.maps.push_back({.map = map.map, .T_set_map = maps::T_enu_enu(*first, *origin)});
   }
+  if (set.maps.empty() && is_another_there)
+    throw ApiError(ErrorCode::kForbidden,
+                   "the API key is for no map with a place on the Earth: name a map, or a set and "
+                   "a prior");
   if (set.maps.empty())
     throw field_error(ErrorCode::kNoGeodeticOrigin, "gnss", "maps without geodetic_origin",
                       "a map with a place on the Earth (build --geo-origin), or a set and a prior");
@@ -50,14 +60,24 @@ std::optional<SetMap> ready_map(const Context& context, const MapSet::Member& me
 
 }  // namespace
 
-MapSet wanted_set(const Context& context, const std::string& name, bool may_be_anywhere) {
+std::vector<MapSet> seen_sets(const Context& context, const Caller& caller) {
+  std::vector<MapSet> sets = context.catalog.sets();
+  for (MapSet& set : sets)
+    std::erase_if(set.maps, [&](const auto& member) { return !may_use_map(caller, member.map); });
+  std::erase_if(sets, [](const MapSet& set) { return set.maps.empty(); });
+  return sets;
+}
+
+MapSet wanted_set(const Context& context, const Caller& caller, const std::string& name,
+                  bool may_be_anywhere) {
+  std::vector<MapSet> sets = seen_sets(context, caller);
   if (!name.empty()) {
-    if (auto set = context.catalog.set(name)) return *std::move(set);
+    const auto found = std::ranges::find(sets, name, &MapSet::name);
+    if (found != sets.end()) return std::move(*found);
     throw ApiError(ErrorCode::kUnknownSet, "there is no set '" + name + "' of maps");
   }
-  std::vector<MapSet> sets = context.catalog.sets();
   if (sets.size() == 1) return std::move(sets.front());
-  if (may_be_anywhere) return all_on_earth(context.catalog);
+  if (may_be_anywhere) return all_on_earth(context.catalog, caller);
   std::vector<std::string> names;
   for (const MapSet& set : sets) names.push_back(set.name);
   throw field_error(ErrorCode::kInvalidRequest, "set", "nothing",
@@ -66,31 +86,23 @@ MapSet wanted_set(const Context& context, const std::string& name, bool may_be_a
                                   : fmt::format("one of {}", fmt::join(names, ", ")));
 }
 
-SetOfRequest maps_of(const Context& context, const Caller& caller, const MapSet& set,
-                     const std::string& vehicle) {
-  SetOfRequest found{.name = set.name, .maps = {}, .loading = {}};
+SetOfRequest maps_of(const Context& context, const MapSet& set, const std::string& vehicle) {
+  SetOfRequest found{.name = set.name, .maps = {}, .loading = {}, .unusable = {}};
   std::optional<ApiError> first_problem;
-  bool may_use_any = false;
   for (const MapSet::Member& member : set.maps) {
-    if (!may_use_map(caller, member.map)) continue;
-    may_use_any = true;
     std::optional<ApiError> why;
     if (auto map = ready_map(context, member, vehicle, why)) found.maps.push_back(*std::move(map));
-    if (why && why->code() == ErrorCode::kMapLoading) found.loading = why;
-    if (why && !first_problem) first_problem = why;
+    if (!why) continue;
+    (why->code() == ErrorCode::kMapLoading ? found.loading : found.unusable) = why;
+    if (!first_problem) first_problem = why;
   }
-  if (!may_use_any) require_map(caller, set.maps.front().map);
   if (found.maps.empty()) throw ApiError(first_problem.value());
   return found;
 }
 
-SetCandidates candidates_in(const SetOfRequest& set, const PlaceInSet& place) {
-  constexpr double kNearM = 50.0;
-  SetCandidates candidates = candidates_in(std::span(set.maps), place);
-  const bool is_placed = place.prior || place.gnss;
-  if (set.loading && (!is_placed || candidates.maps.front().distance_m > kNearM))
-    throw ApiError(*set.loading);
-  return candidates;
+int units_in(const MapSet& set, WorkKind kind) {
+  if (kind == WorkKind::kNearPrior) return 1;
+  return static_cast<int>(std::clamp<std::size_t>(set.maps.size(), 1, kMostCandidates));
 }
 
 std::string_view name_of(const PlaceInSet& place) {

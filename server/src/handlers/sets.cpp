@@ -1,33 +1,13 @@
 #include "bodies/sets_json.hpp"
 #include "context.hpp"
 #include "errors/api_error.hpp"
-#include "security/map_limits.hpp"
+#include "handlers/set_maps.hpp"
 
 #include <algorithm>
 #include <utility>
 
 namespace stillmap::server {
 namespace {
-
-/// The maps of a set that a caller may know of; nothing when there is none.
-std::optional<MapSet> seen_by(const Caller& caller, MapSet set) {
-  std::erase_if(set.maps, [&](const auto& member) { return !may_use_map(caller, member.map); });
-  if (set.maps.empty()) return std::nullopt;
-  return set;
-}
-
-MapSet seen_set(const MapCatalog& catalog, const Caller& caller, const std::string& name) {
-  if (auto set = catalog.set(name))
-    if (auto seen = seen_by(caller, *std::move(set))) return *std::move(seen);
-  throw ApiError(ErrorCode::kUnknownSet, "there is no set '" + name + "' of maps");
-}
-
-HttpResponse list_sets(const Context& context, const HttpRequest& request) {
-  std::vector<MapSet> seen;
-  for (MapSet& set : context.catalog.sets())
-    if (auto each = seen_by(request.caller, std::move(set))) seen.push_back(*std::move(each));
-  return json_response(sets_json(seen));
-}
 
 HttpResponse put_set(const Context& context, const HttpRequest& request,
                      const PathParameters& path) {
@@ -54,15 +34,14 @@ HttpResponse remove_set(const Context& context, const PathParameters& path) {
 void add_set_routes(std::vector<Route>& routes, const Context& context) {
   Route list{"GET", "/v1/sets",
              [&context](const HttpRequest& request, const PathParameters&) {
-               return list_sets(context, request);
+               return json_response(sets_json(seen_sets(context, request.caller)));
              },
              Access::kReadOrLocalize};
-  Route show{
-      "GET", "/v1/sets/{set}",
-      [&context](const HttpRequest& request, const PathParameters& path) {
-        return json_response(set_json(seen_set(context.catalog, request.caller, path.at("set"))));
-      },
-      Access::kReadOrLocalize};
+  Route show{"GET", "/v1/sets/{set}",
+             [&context](const HttpRequest& request, const PathParameters& path) {
+               return json_response(set_json(wanted_set(context, request.caller, path.at("set"))));
+             },
+             Access::kReadOrLocalize};
   list.limits_maps = show.limits_maps = true;
   routes.push_back(std::move(list));
   routes.push_back(std::move(show));

@@ -186,6 +186,9 @@ void Metrics::set_map_chosen(std::string_view map, std::string_view by) {
 void Metrics::handed_over(std::string_view map) {
   parts_->counter(Metric::kHandOvers, {parts_->map_label(map)}).Increment();
 }
+void Metrics::hand_over_refused(std::string_view map) {
+  parts_->counter(Metric::kHandOversRefused, {parts_->map_label(map)}).Increment();
+}
 void Metrics::set_workers(std::size_t busy, std::size_t stuck, std::size_t all) {
   parts_->gauge(Metric::kWorkersStuck).Set(static_cast<double>(stuck));
   parts_->gauge(Metric::kWorkersBusy).Set(static_cast<double>(busy));

@@ -68,6 +68,8 @@ class Metrics {
   void set_map_chosen(std::string_view map, std::string_view by);
   /// @param map  in which the vehicle goes on.
   void handed_over(std::string_view map);
+  /// @param map  that was driven nearer and does not show the scan as well.
+  void hand_over_refused(std::string_view map);
   void set_workers(std::size_t busy, std::size_t stuck, std::size_t all);
   void set_queue(std::size_t waiting, std::size_t places);
   void set_sessions(std::size_t open);

@@ -32,6 +32,7 @@ enum class Metric : std::size_t {
   kSealedScans,
   kSetChoices,
   kHandOvers,
+  kHandOversRefused,
   kMaps,
   kMapLoadSeconds,
   kMapLoadFailures,
@@ -101,6 +102,10 @@ inline constexpr std::array kMetricTable = {
         "Maps chosen for requests that name none, by prior, gnss or nothing; the map chosen."},
     MetricInfo{"stillmap_hand_overs_total", "counter", "map",
                "Vehicles that went on in a neighbour of their map: that neighbour."},
+    MetricInfo{
+        "stillmap_hand_overs_refused_total", "counter", "map",
+        "Scans that a neighbour which was driven nearer does not show: that neighbour. Where "
+        "it grows, T_set_map is wrong."},
     MetricInfo{"stillmap_maps", "gauge", "state", "Maps by state: ready, loading, failed."},
     MetricInfo{"stillmap_map_load_seconds", "gauge", "map", "Duration of a map's last load."},
     MetricInfo{"stillmap_map_load_failures_total", "counter", "map", "Loads that failed."},

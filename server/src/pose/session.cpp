@@ -58,16 +58,12 @@ ServedVersion Session::map() const {
   return map_;
 }
 
-Session::Tracked Session::track(std::int64_t stamp_ns, const localization::ThinScan& scan_lidar,
-                                const std::optional<localization::OdometryStep>& odometry,
-                                std::span<const SetMap> maps,
-                                const std::function<void()>& require_wanted) {
+Session::Tracked Session::track(const SetOfRequest& set, const ScanInSet& scan) {
   const std::scoped_lock tracking(tracker_mutex_);
-  Tracked tracked{
-      .pose = track_in_set(vehicle_, maps, stamp_ns, scan_lidar, odometry, require_wanted),
-      .map = vehicle_.map};
+  SetTrackedPose pose = track_in_set(vehicle_, set, scan);
+  Tracked tracked{.pose = std::move(pose), .map = vehicle_.map};
   const std::scoped_lock lock(mutex_);
-  if (map_.map != tracked.map.map) {
+  if (map_.map != tracked.map.map || map_.version != tracked.map.version) {
     map_ = tracked.map;
     name_.is_rolled_out = vehicle_.is_rolled_out;
     summary_.active_version = map_.version;

@@ -70,10 +70,7 @@ class Session {
     ServedVersion map;
   };
   /// As `track_in_set`; a change of status, and a hand-over, become events.
-  [[nodiscard]] Tracked track(std::int64_t stamp_ns, const localization::ThinScan& scan_lidar,
-                              const std::optional<localization::OdometryStep>& odometry,
-                              std::span<const SetMap> maps,
-                              const std::function<void()>& require_wanted);
+  [[nodiscard]] Tracked track(const SetOfRequest& set, const ScanInSet& scan);
   /// Forgets where the vehicle was. @param place  a prior with its covariance, in the frame of the
   /// set if there is one, or a fix in a set; nothing: the next scan is looked for everywhere. Waits
   /// for the scan that is being aligned; the one that waits behind it was sent from where the

@@ -1,9 +1,9 @@
 #include "pose/set_poses.hpp"
 
-#include "errors/api_error.hpp"
-
+#include <stillmap/maps/error.hpp>
 #include <stillmap/maps/frames.hpp>
 #include <stillmap/maps/geodesy.hpp>
+#include <stillmap/maps/trajectory.hpp>
 
 #include <fmt/format.h>
 
@@ -26,8 +26,8 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 constexpr double kMarginM = 10.0;
 /// Beyond the box around its points a map has no places [m]: there the box tells enough.
 constexpr double kOutsideM = 100.0;
-/// A search that reaches no farther finds one place, whichever map it looks at [m].
-constexpr double kOnePlaceM = 10.0;
+/// A map that cannot be asked may be the one, unless another was driven so near to a place [m].
+constexpr double kNearM = 50.0;
 /// How far a search around a prior without a covariance reaches [m]: see `Prior`.
 constexpr double kPlainReachM = 30.0;
 /// Places of two maps that are nearer than this are the same one.
@@ -91,6 +91,13 @@ bool is_good(const AlignmentResult& result) {
                      [](Reason reason) { return reason == Reason::kUnconfirmed; });
 }
 
+/// Whether it shows the scan about as well as the best map does, as places of one map are compared.
+bool is_rival(const AlignmentResult& result, const AlignmentResult& best, double share) {
+  if (result.status == PoseStatus::kLost) return false;
+  return is_good(result) || (!has(result, Reason::kContradictsPrior) &&
+                             result.inlier_ratio >= share * best.inlier_ratio);
+}
+
 /// By how much it may be used.
 std::pair<int, double> rank(const AlignmentResult& result) {
   int order = 0;
@@ -105,6 +112,12 @@ bool is_one_place(const Eigen::Isometry3d& T_set_a, const Eigen::Isometry3d& T_s
          maps::rotation_angle_rad(T_a_b.linear()) <= kSameTurnRad;
 }
 
+const SetMap* member_of(const SetOfRequest& set, const std::string& map) {
+  for (const SetMap& each : set.maps)
+    if (each.map.map == map) return &each;
+  return nullptr;
+}
+
 /// Of a vehicle whose map the set has.
 struct Neighbour {
   const SetMap* own = nullptr;
@@ -113,16 +126,14 @@ struct Neighbour {
   double nearer_m = 0.0;
 };
 
-Neighbour neighbour_of(const SetVehicle& vehicle, std::span<const SetMap> maps,
+Neighbour neighbour_of(const SetVehicle& vehicle, const SetOfRequest& set,
                        const Eigen::Isometry3d& T_map_lidar) {
-  Neighbour found;
-  for (const SetMap& each : maps)
-    if (each.map.map == vehicle.map.map) found.own = &each;
+  Neighbour found{.own = member_of(set, vehicle.map.map)};
   if (found.own == nullptr) return found;
   const double own_m = distance_m(vehicle.map, T_map_lidar.translation());
   const Eigen::Vector3d p_set = found.own->T_set_map * T_map_lidar.translation();
   double nearest_m = std::numeric_limits<double>::infinity();
-  for (const SetMap& each : maps) {
+  for (const SetMap& each : set.maps) {
     if (&each == found.own) continue;
     const double its_m = distance_m(each.map, each.T_set_map.inverse() * p_set);
     if (its_m >= nearest_m) continue;
@@ -133,51 +144,114 @@ Neighbour neighbour_of(const SetVehicle& vehicle, std::span<const SetMap> maps,
   return found;
 }
 
-/// Of a large set those that lie nearest to the map in which a vehicle was lost.
-std::vector<SetMap> near(std::span<const SetMap> maps, const std::string& map) {
-  std::vector<SetMap> sorted(maps.begin(), maps.end());
+/// How far a vehicle may have come since its place was known [m].
+double way_m(const Tracker& tracker, std::int64_t stamp_ns) {
+  constexpr double kMostMS = 50.0;
+  constexpr double kMostCoastS = 3.0;
+  return kOutsideM +
+         kMostMS * (kMostCoastS + maps::seconds_between(*tracker.newest_ns(), stamp_ns));
+}
+
+/// The maps that a vehicle may be in which is not found in its own any more: that one first, and
+/// of a large set those that lie nearest to it.
+SetCandidates around_own(const SetOfRequest& set, const SetMap* own, const SetVehicle& vehicle,
+                         std::int64_t stamp_ns) {
+  if (set.loading) throw ApiError(*set.loading);
+  SetCandidates near{.maps = everywhere(set.maps)};
+  const auto newest_ns = vehicle.tracker.newest_ns();
+  const auto T_map_lidar = vehicle.tracker.believed_T_map_lidar();
+  // One that was followed up to the last scan is not far.
+  if (own != nullptr && T_map_lidar && newest_ns &&
+      vehicle.tracker.knows_place_at(*newest_ns + 1)) {
+    const Eigen::Vector3d p_set = own->T_set_map * T_map_lidar->translation();
+    std::erase_if(near.maps, [&](const SetCandidates::Each& each) {
+      return each.in != own && distance_m(each.in->map, each.in->T_set_map.inverse() * p_set) >
+                                   way_m(vehicle.tracker, stamp_ns);
+    });
+  }
   const auto centre = [](const SetMap& each) -> Eigen::Vector3d {
     const maps::MapManifest& manifest = each.map.package->manifest();
     return each.T_set_map * (manifest.origin + manifest.extent.from_origin.center());
   };
-  Eigen::Vector3d p_set = centre(sorted.front());
-  for (const SetMap& each : sorted)
-    if (each.map.map == map) p_set = centre(each);
-  std::stable_sort(sorted.begin(), sorted.end(), [&](const SetMap& a, const SetMap& b) {
-    return (centre(a) - p_set).squaredNorm() < (centre(b) - p_set).squaredNorm();
-  });
-  if (sorted.size() > kMostCandidates) sorted.resize(kMostCandidates);
-  return sorted;
+  const Eigen::Vector3d p_set = centre(own != nullptr ? *own : set.maps.front());
+  for (SetCandidates::Each& each : near.maps)
+    each.distance_m = each.in == own ? -1.0 : (centre(*each.in) - p_set).norm();
+  std::ranges::stable_sort(near.maps, {}, &SetCandidates::Each::distance_m);
+  if (near.maps.size() > kMostCandidates) near.maps.resize(kMostCandidates);
+  return near;
 }
 
 /// In the maps that it may be in, each with a tracker of its own.
 SetTrackedPose find_vehicle(SetVehicle& vehicle, const SetCandidates& candidates,
+                            const std::function<Tracker(const SetCandidates::Each&)>& tracker_in,
                             const std::function<localization::TrackedPose(Tracker&)>& track) {
   std::vector<std::pair<Tracker, localization::TrackedPose>> tried;
   const FoundInSet found = search_in(candidates, [&](const SetCandidates::Each& each) {
-    const ServedVersion& map = each.in->map;
-    Tracker tracker =
-        vehicle.tracker.continued_in(map.aligners->front().second, map.localization.tracker,
-                                     Eigen::Isometry3d::Identity(), frames_off());
-    if (each.prior) tracker.initialize(each.prior->T_map_lidar, each.prior->covariance.value());
-    localization::TrackedPose pose = track(tracker);
-    AlignmentResult result = pose.result;
-    tried.emplace_back(std::move(tracker), std::move(pose));
-    return result;
+    auto& [tracker, pose] = tried.emplace_back(tracker_in(each), localization::TrackedPose{});
+    pose = track(tracker);
+    return pose.result;
   });
-  auto& [tracker, pose] = tried.at(found.candidate);
-  const ServedVersion& map = candidates.maps[found.candidate].in->map;
-  // One that began in the wrong of two maps would be confirmed there.
-  const bool is_open =
-      has(found.result, Reason::kAmbiguous) && !has(pose.result, Reason::kAmbiguous);
-  const std::optional<PlaceInSet> begin = is_open ? vehicle.begin : std::nullopt;
-  if (is_open) tracker = Tracker(map.aligners->front().second, map.localization.tracker);
-  pose.result = found.result;
-  vehicle = {.map = map,
-             .tracker = std::move(tracker),
-             .is_rolled_out = candidates.maps[found.candidate].in->is_rolled_out,
-             .begin = begin};
-  return {std::move(pose), {}};
+  const bool is_lost = found.result.status == PoseStatus::kLost;
+  // One that is in none of them stays where it was.
+  const std::size_t chosen = is_lost ? 0 : found.candidate;
+  auto& [tracker, pose] = tried.at(chosen);
+  if (!is_lost) pose.result = found.result;
+  // Who went on in one of several maps around a place that none of them has shown would not look at
+  // the others again.
+  const bool shows_none =
+      found.is_between_maps || (vehicle.begin && (is_lost || !is_good(found.result) ||
+                                                  has(found.result, Reason::kAmbiguous)));
+  if (candidates.maps.size() > 1 && shows_none) tracker.forget_place();
+  const SetMap& in = *candidates.maps[chosen].in;
+  // In its own map it stays in the version that it has.
+  if (vehicle.begin || in.map.map != vehicle.map.map) {
+    vehicle.map = in.map;
+    vehicle.is_rolled_out = in.is_rolled_out;
+  }
+  vehicle.tracker = std::move(tracker);
+  vehicle.begin.reset();
+  return {.pose = std::move(pose), .handed_over_from = {}, .not_shown_by = {}};
+}
+
+/// @throws as `candidates_in`.
+SetTrackedPose find_beginning(SetVehicle& vehicle, const SetOfRequest& set,
+                              const std::function<localization::TrackedPose(Tracker&)>& track) {
+  const auto tracker_in = [](const SetCandidates::Each& each) {
+    const ServedVersion& map = each.in->map;
+    Tracker tracker(map.aligners->front().second, map.localization.tracker);
+    if (each.prior) tracker.initialize(each.prior->T_map_lidar, each.prior->covariance.value());
+    return tracker;
+  };
+  return find_vehicle(vehicle, candidates_in(set, *vehicle.begin), tracker_in, track);
+}
+
+/// A vehicle that was lost, or that one scan has found and no other has confirmed.
+SetTrackedPose find_again(SetVehicle& vehicle, const SetOfRequest& set, std::int64_t stamp_ns,
+                          const std::function<localization::TrackedPose(Tracker&)>& track) {
+  const SetMap* own = member_of(set, vehicle.map.map);
+  const auto tracker_in = [&](const SetCandidates::Each& each) {
+    if (each.in == own) return vehicle.tracker;
+    const ServedVersion& map = each.in->map;
+    Eigen::Isometry3d T_map_own = each.in->T_set_map.inverse();
+    if (own != nullptr) T_map_own = T_map_own * own->T_set_map;
+    Tracker tracker = vehicle.tracker.continued_in(
+        map.aligners->front().second, map.localization.tracker, T_map_own, frames_off());
+    if (own == nullptr) tracker.forget_place();
+    return tracker;
+  };
+  return find_vehicle(vehicle, around_own(set, own, vehicle, stamp_ns), tracker_in, track);
+}
+
+/// Nothing where it cannot be asked: a vehicle in a sound map does not stop for that.
+std::optional<localization::TrackedPose> tracked_beside(
+    Tracker& tracker, const std::function<localization::TrackedPose(Tracker&)>& track) {
+  try {
+    return track(tracker);
+  } catch (const maps::InputError&) {
+    return std::nullopt;
+  } catch (const maps::StorageError&) {
+    return std::nullopt;
+  }
 }
 
 }  // namespace
@@ -187,30 +261,45 @@ double distance_m(const ServedVersion& map, const Eigen::Vector3d& p_map) {
   const double outside_m =
       manifest.extent.from_origin.translated(manifest.origin).exteriorDistance(p_map);
   if (outside_m > kOutsideM) return outside_m;
-  const double driven_m = map.seen_from->distance_m(*map.package, p_map);
-  return std::isfinite(driven_m) ? driven_m : outside_m;
+  try {
+    const double driven_m = map.seen_from->distance_m(*map.package, p_map);
+    if (std::isfinite(driven_m)) return driven_m;
+  } catch (const maps::InputError&) {
+    // Its trajectories are damaged, which vehicles in other maps need not suffer for.
+  } catch (const maps::StorageError&) {
+    // As above.
+  }
+  return outside_m;
 }
 
-SetCandidates candidates_in(std::span<const SetMap> maps, const PlaceInSet& place) {
+SetCandidates candidates_in(const SetOfRequest& set, const PlaceInSet& place) {
   SetCandidates found;
-  if (place.prior || place.gnss) {
-    found.maps = around(maps, place);
+  const bool is_placed = place.prior || place.gnss;
+  if (is_placed) {
+    found.maps = around(set.maps, place);
     if (found.maps.empty())
       throw field_error(ErrorCode::kNoGeodeticOrigin, "gnss", "maps without geodetic_origin",
                         "a prior in the set's frame, or maps with a place on the Earth (build "
                         "--geo-origin)");
+    const double nearest_m = found.maps.front().distance_m;
     const double reach = reach_m(*found.maps.front().prior);
-    const double most_m = std::max(reach, found.maps.front().distance_m) + kMarginM;
+    const double most_m = std::max(reach, nearest_m) + kMarginM;
     std::erase_if(found.maps, [&](const auto& each) { return each.distance_m > most_m; });
-    found.is_vague = reach > kOnePlaceM;
+    found.is_vague = reach > kSamePlaceM;
+    if (set.loading && (found.is_vague || nearest_m > kNearM)) throw ApiError(*set.loading);
+    if (set.unusable && nearest_m > kNearM) throw ApiError(*set.unusable);
   } else {
-    found.maps = everywhere(maps);
+    if (set.loading) throw ApiError(*set.loading);
+    found.maps = everywhere(set.maps);
   }
   if (found.maps.size() > kMostCandidates)
     throw field_error(
-        ErrorCode::kInvalidRequest, place.gnss ? "gnss" : "prior",
+        ErrorCode::kInvalidRequest,
+        !is_placed   ? "set"
+        : place.gnss ? "gnss"
+                     : "prior",
         fmt::format("{}, so that the scan may be in {} maps",
-                    place.prior || place.gnss ? "a vague one" : "nothing", found.maps.size()),
+                    is_placed ? "a vague place" : "no prior and no gnss", found.maps.size()),
         fmt::format("a place that leaves at most {} maps", kMostCandidates));
   return found;
 }
@@ -220,42 +309,55 @@ FoundInSet search_in(const SetCandidates& candidates,
   std::vector<AlignmentResult> results;
   std::size_t best = 0;
   for (const SetCandidates::Each& each : candidates.maps) {
-    results.push_back(align(each));
+    results.emplace_back();
+    try {
+      results.back() = align(each);
+    } catch (const maps::InputError&) {
+      // One that is damaged is left out, as one that cannot be loaded is.
+      if (results.size() == 1) throw;
+    } catch (const maps::StorageError&) {
+      if (results.size() == 1) throw;
+    }
     if (rank(results.back()) > rank(results[best])) best = results.size() - 1;
     if (!candidates.is_vague && results.back().status == PoseStatus::kOk) break;
   }
   FoundInSet found{.candidate = best, .result = results.at(best)};
+  const double share = candidates.maps[best].in->map.localization.verdict.ambiguous_share;
   const auto T_set_lidar = [&](std::size_t i) {
     return candidates.maps[i].in->T_set_map * results[i].T_map_lidar;
   };
+  if (found.result.status == PoseStatus::kLost) return found;
   for (std::size_t i = 0; i < results.size(); ++i) {
-    if (!is_good(results[i]) || is_one_place(T_set_lidar(best), T_set_lidar(i))) continue;
+    if (!is_rival(results[i], results[best], share)) continue;
+    if (is_one_place(T_set_lidar(best), T_set_lidar(i))) continue;
     if (found.result.status == PoseStatus::kOk) found.result.status = PoseStatus::kDegraded;
     found.result.protection = {};
+    found.is_between_maps = true;
     if (!has(found.result, Reason::kAmbiguous)) found.result.reasons.push_back(Reason::kAmbiguous);
   }
   return found;
 }
 
-SetTrackedPose track_in_set(SetVehicle& vehicle, std::span<const SetMap> maps,
-                            std::int64_t stamp_ns, const localization::ThinScan& scan_lidar,
-                            const std::optional<localization::OdometryStep>& odometry,
-                            const std::function<void()>& require_wanted) {
+SetTrackedPose track_in_set(SetVehicle& vehicle, const SetOfRequest& set, const ScanInSet& scan) {
   const auto track = [&](Tracker& tracker) {
-    require_wanted();
-    return tracker.track_thin(stamp_ns, scan_lidar, odometry);
+    scan.require_wanted();
+    localization::TrackedPose pose =
+        tracker.track_thin(scan.stamp_ns, scan.scan_lidar, scan.odometry);
+    scan.matched(pose);
+    return pose;
   };
-  const auto T_map_lidar = vehicle.tracker.believed_T_map_lidar();
-  if (!maps.empty() && vehicle.begin)
-    return find_vehicle(vehicle, candidates_in(maps, *vehicle.begin), track);
-  if (!maps.empty() && !T_map_lidar) {
-    const std::vector<SetMap> around = near(maps, vehicle.map.map);
-    return find_vehicle(vehicle, candidates_in(around, {}), track);
-  }
+  const auto in_own = [&]() -> SetTrackedPose {
+    return {.pose = track(vehicle.tracker), .handed_over_from = {}, .not_shown_by = {}};
+  };
+  if (set.maps.empty()) return in_own();
+  if (vehicle.begin) return find_beginning(vehicle, set, track);
+  if (!vehicle.tracker.knows_place_at(scan.stamp_ns, scan.odometry))
+    return find_again(vehicle, set, scan.stamp_ns, track);
   Neighbour neighbour;
-  if (T_map_lidar) neighbour = neighbour_of(vehicle, maps, *T_map_lidar);
-  if (neighbour.nearest == nullptr || neighbour.nearer_m < -kMarginM)
-    return {track(vehicle.tracker), {}};
+  if (const auto T_map_lidar = vehicle.tracker.believed_T_map_lidar())
+    neighbour = neighbour_of(vehicle, set, *T_map_lidar);
+  // On the way back it would be the other one's turn: there and back with each bad scan is none.
+  if (neighbour.nearest == nullptr || neighbour.nearer_m < 0.0) return in_own();
 
   const ServedVersion& next = neighbour.nearest->map;
   Tracker there = vehicle.tracker.continued_in(
@@ -267,31 +369,34 @@ SetTrackedPose track_in_set(SetVehicle& vehicle, std::span<const SetMap> maps,
                .tracker = std::move(there),
                .is_rolled_out = neighbour.nearest->is_rolled_out,
                .begin = {}};
-    return SetTrackedPose{std::move(pose), std::move(from)};
+    return SetTrackedPose{
+        .pose = std::move(pose), .handed_over_from = std::move(from), .not_shown_by = {}};
   };
+  const bool is_nearer = neighbour.nearer_m > kMarginM;
   std::optional<localization::TrackedPose> pose_there;
-  if (neighbour.nearer_m > kMarginM) {
-    pose_there = track(there);
-    if (pose_there->result.status == PoseStatus::kOk) return go_on_there(*std::move(pose_there));
-  }
-  localization::TrackedPose here = track(vehicle.tracker);
-  if (here.result.status == PoseStatus::kOk) return {std::move(here), {}};
-  if (!pose_there) pose_there = track(there);
-  if (rank(pose_there->result).first > rank(here.result).first &&
-      (pose_there->result.status == PoseStatus::kOk || here.result.status == PoseStatus::kLost))
+  if (is_nearer) pose_there = tracked_beside(there, track);
+  if (pose_there && pose_there->result.status == PoseStatus::kOk)
     return go_on_there(*std::move(pose_there));
-  return {std::move(here), {}};
+  Tracker own = vehicle.tracker;
+  localization::TrackedPose here = track(own);
+  if (here.result.status != PoseStatus::kOk) {
+    if (!is_nearer) pose_there = tracked_beside(there, track);
+    if (pose_there && rank(pose_there->result).first > rank(here.result).first &&
+        (pose_there->result.status == PoseStatus::kOk || here.result.status == PoseStatus::kLost))
+      return go_on_there(*std::move(pose_there));
+  }
+  vehicle.tracker = std::move(own);
+  return {.pose = std::move(here),
+          .handed_over_from = {},
+          .not_shown_by = is_nearer ? next.map : std::string()};
 }
 
-std::vector<SetMap> maps_like(std::span<const SetMap> maps, const ServedVersion& map) {
+SetOfRequest maps_like(SetOfRequest set, const ServedVersion& map) {
   const float own_vehicle_m = aligner_of(map).thin({}).own_vehicle_m;
-  const bool has_origin = map.package->manifest().geodetic_origin.has_value();
-  std::vector<SetMap> alike;
-  for (const SetMap& each : maps)
-    if (aligner_of(each.map).thin({}).own_vehicle_m == own_vehicle_m &&
-        each.map.package->manifest().geodetic_origin.has_value() == has_origin)
-      alike.push_back(each);
-  return alike;
+  std::erase_if(set.maps, [&](const SetMap& each) {
+    return aligner_of(each.map).thin({}).own_vehicle_m != own_vehicle_m;
+  });
+  return set;
 }
 
 }  // namespace stillmap::server

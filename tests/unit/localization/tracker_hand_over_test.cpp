@@ -116,6 +116,35 @@ TEST(TrackerHandOver, LeavesTheTrackerAsItIsAndAnswersLateScansInTheOtherMap) {
   }
 }
 
+TEST(TrackerHandOver, KnowsItsPlaceUntilItIsLostOrForgotten) {
+  const TwoMaps& maps = two_maps();
+  test::ScanPattern pattern;
+  pattern.columns = 360;
+  const auto scan = [&](double x) { return maps.world.scan(pose_at(x, 0.0), pattern); };
+  Tracker found(maps.west);
+  EXPECT_FALSE(found.knows_place_at(at_s(0.0)));
+  EXPECT_EQ(found.track(at_s(0.0), scan(60.0)).result.status, PoseStatus::kDegraded);
+  EXPECT_FALSE(found.knows_place_at(at_s(0.1))) << "it is not confirmed";
+  EXPECT_EQ(found.track(at_s(0.1), scan(61.0)).result.status, PoseStatus::kOk);
+  EXPECT_TRUE(found.knows_place_at(at_s(0.2)));
+  EXPECT_FALSE(found.knows_place_at(at_s(30.0))) << "it may be far by then";
+  EXPECT_TRUE(found.knows_place_at(at_s(0.05))) << "a late scan";
+
+  Tracker copy = found;
+  copy.forget_place();
+  EXPECT_TRUE(found.knows_place_at(at_s(0.2)));
+  EXPECT_FALSE(copy.knows_place_at(at_s(0.2)));
+  EXPECT_FALSE(copy.believed_T_map_lidar());
+  EXPECT_EQ(copy.newest_ns(), found.newest_ns());
+  EXPECT_EQ(copy.track(at_s(0.05), scan(60.5)).result.status, PoseStatus::kLost);
+  EXPECT_EQ(copy.track(at_s(0.2), scan(62.0)).searched_from, SearchedFrom::kEverywhere);
+  EXPECT_EQ(found.track(at_s(0.2), scan(62.0)).searched_from, SearchedFrom::kVelocity);
+
+  Tracker given(maps.west);
+  given.initialize(pose_at(60.0, 0.0), 0.01 * Matrix6d::Identity());
+  EXPECT_TRUE(given.knows_place_at(at_s(0.0)));
+}
+
 TEST(TrackerHandOver, GoesOnFromAPoseThatWasOnlyGiven) {
   const TwoMaps& maps = two_maps();
   Tracker west(maps.west);

@@ -38,7 +38,8 @@ class MapSets : public ServiceTest {
   void SetUp() override {
     options_.queue = 8;
     add("west", 0.0, 100.0);
-    add("east", 80.0 - kEastM, 200.0 - kEastM);
+    // Of this place, so that maps lie beside each other on the Earth, too.
+    add("east", 80.0 - kEastM, 200.0 - kEastM, "v1", 0.00898315);
     start([this](const maps::MapPackage& map, const localization::LocalizationOptions&) {
       return Aligners{{"default", aligners_.at(map.manifest().frame_id)}};
     });
@@ -46,7 +47,8 @@ class MapSets : public ServiceTest {
     ASSERT_EQ(put("street", street()).status, 201);
   }
 
-  void add(const std::string& name, double from_m, double to_m) {
+  void add(const std::string& name, double from_m, double to_m, const std::string& version = "v1",
+           std::optional<double> longitude_deg = 0.0) {
     const test::TemporaryFolder built;
     maps::MapPackageWriter writer(built.path() / "map");
     for (int x = static_cast<int>(from_m / 20.0) - 1; x <= static_cast<int>(to_m / 20.0); ++x)
@@ -57,11 +59,10 @@ class MapSets : public ServiceTest {
     writer.write_trajectory(maps::Trajectory(poses));
     maps::MapManifest manifest;
     manifest.frame_id = name;
-    // Of this place, so that maps lie beside each other on the Earth, too.
-    manifest.geodetic_origin = maps::GeodeticOrigin{0.0, name == "east" ? 0.00898315 : 0.0, 0.0};
+    if (longitude_deg) manifest.geodetic_origin = maps::GeodeticOrigin{0.0, *longitude_deg, 0.0};
     (void)writer.publish(manifest, "{}");
-    store_.open().add(name, "v1", built.path() / "map");
-    store_.open().activate(name, "v1");
+    store_.open().add(name, version, built.path() / "map");
+    if (version == "v1") store_.open().activate(name, version);
   }
 
   static json set_of(const std::vector<json>& members) { return json{{"maps", members}}; }
@@ -114,6 +115,16 @@ class MapSets : public ServiceTest {
   static double x_in_set(const json& answer) {
     return answer["T_set_lidar"]["position"][0].get<double>();
   }
+  /// A map shows the scan at a place of the set, or, without one, not at all.
+  void show(const std::string& map, std::optional<double> x, double inlier_ratio = 0.9,
+            std::vector<localization::Reason> reasons = {}) {
+    localization::AlignmentResult result;
+    if (x) result = found_at(at(map == "east" ? *x - kEastM : *x));
+    result.inlier_ratio = inlier_ratio;
+    if (!reasons.empty()) result.status = localization::PoseStatus::kDegraded;
+    result.reasons = std::move(reasons);
+    aligners_[map]->answer = [result](const auto&) { return result; };
+  }
   /// Both show the vehicle where it is, at `x_` of the set.
   void show_vehicle() {
     aligners_["west"]->answer = [this](const auto&) { return found_at(at(x_)); };
@@ -123,6 +134,7 @@ class MapSets : public ServiceTest {
   std::map<std::string, std::shared_ptr<StubAligner>> aligners_ = {
       {"west", std::make_shared<StubAligner>()},
       {"east", std::make_shared<StubAligner>()},
+      {"depot", std::make_shared<StubAligner>()},
       {"map", std::make_shared<StubAligner>()}};
   std::string seal_;
   double x_ = 0.0;
@@ -212,6 +224,154 @@ TEST_F(MapSets, TwoMapsThatShowTheScanAtTwoPlacesGiveNoConfidentPose) {
   aligners_["east"]->answer = [](const auto&) { return localization::AlignmentResult{}; };
   EXPECT_THAT(follow(0.5)["reasons"], ElementsAre("unconfirmed"));
   EXPECT_EQ(follow(0.6)["status"], "ok");
+}
+
+TEST_F(MapSets, MapThatShowsTheScanAlmostAsWellIsNoLessARival) {
+  using localization::Reason;
+  show("west", 50.0, 0.80);
+  show("east", 150.0, 0.73, {Reason::kLowInlierRatio});
+  EXPECT_THAT(ask(scan("/v1/localize"))["reasons"], ElementsAre("ambiguous"));
+  show("east", 150.0, 0.70, {Reason::kLowInlierRatio});
+  EXPECT_EQ(ask(scan("/v1/localize"))["status"], "ok");
+  show("east", 150.0, 0.79, {Reason::kContradictsPrior});
+  EXPECT_EQ(ask(scan("/v1/localize"))["status"], "ok");
+}
+
+TEST_F(MapSets, TwoFloorsWithinThePriorGiveNoConfidentPose) {
+  // Driven by both, and three metres from one another.
+  show("west", 90.0);
+  show("east", 93.0);
+  EXPECT_THAT(ask(with_prior(scan("/v1/localize"), 91.0))["reasons"], ElementsAre("ambiguous"));
+  EXPECT_EQ(ask(with_prior(scan("/v1/localize"), 91.0, "0.3,0.05"))["status"], "ok");
+}
+
+TEST_F(MapSets, BadFirstScanBindsAVehicleToNoneOfSeveralMaps) {
+  using localization::Reason;
+  for (const bool is_found : {false, true}) {
+    show("west", is_found ? std::optional(90.0) : std::nullopt, 0.4, {Reason::kAmbiguous});
+    show("east", std::nullopt, 0.0);
+    EXPECT_NE(ask(with_prior(scan("/v1/localize/next"), 90.0, "6,0.1"))["status"], "ok");
+    show("west", 85.0);
+    show("east", 95.0);
+    for (int i = 1; i < 4; ++i) {
+      const json answer = follow(0.1 * i);
+      EXPECT_THAT(answer["reasons"], Contains("ambiguous")) << answer;
+      EXPECT_NE(answer["status"], "ok");
+    }
+    show("west", std::nullopt, 0.0);
+    EXPECT_THAT(follow(0.4)["reasons"], ElementsAre("unconfirmed"));
+    const json found = follow(0.5);
+    EXPECT_EQ(found["status"], "ok");
+    EXPECT_EQ(found["map"]["name"], "east");
+    HttpRequest older = scan("/v1/localize/next", 2);
+    older.headers["stillmap-seal"] = seal_;
+    EXPECT_EQ(ask(older, 409)["code"], "ScanNotNewer");
+  }
+}
+
+TEST_F(MapSets, ScanThatConfirmsIsLookedForInAllMaps) {
+  show("west", 50.0);
+  show("east", std::nullopt, 0.0);
+  EXPECT_THAT(ask(scan("/v1/localize/next"))["reasons"], ElementsAre("unconfirmed"));
+  show("east", 150.0);
+  EXPECT_THAT(follow(0.1)["reasons"], Contains("ambiguous"));
+  show("east", std::nullopt, 0.0);
+  EXPECT_THAT(follow(0.2)["reasons"], ElementsAre("unconfirmed"));
+  EXPECT_EQ(follow(0.3)["status"], "ok");
+  // Followed there, it is not asked of other maps, until the vehicle may be anywhere.
+  show("east", 150.0);
+  EXPECT_EQ(follow(0.4)["status"], "ok");
+  EXPECT_THAT(follow(40.0)["reasons"], Contains("ambiguous"));
+}
+
+TEST_F(MapSets, LostVehicleStaysWhereItWas) {
+  show("west", 50.0);
+  show("east", std::nullopt, 0.0);
+  ask(with_prior(scan("/v1/localize/next"), 50.0));
+  show("west", std::nullopt, 0.1);
+  show("east", std::nullopt, 0.3);
+  for (int i = 1; i < 8; ++i) EXPECT_EQ(follow(2.0 * i)["map"]["name"], "west");
+}
+
+TEST_F(MapSets, BrokenNeighbourStopsNoVehicle) {
+  show_vehicle();
+  x_ = 90.0;
+  ask(with_prior(scan("/v1/localize/next"), x_));
+  aligners_["east"]->answer = [](const auto&) -> localization::AlignmentResult {
+    throw maps::InputError("tile", "damaged bytes", "the map again");
+  };
+  for (int i = 1; i < 60; ++i) {
+    x_ += 0.5;
+    const json answer = follow(0.5 * i);
+    EXPECT_EQ(answer["map"]["name"], "west");
+    EXPECT_EQ(answer["status"], "ok");
+  }
+  EXPECT_THAT(get("/metrics").status == 200 ? get("/metrics").body : service_->metrics().text(),
+              ::testing::HasSubstr("stillmap_hand_overs_refused_total{map=\"east\"}"));
+}
+
+TEST_F(MapSets, MapWithoutAPlaceOnTheEarthIsOneOfTheSet) {
+  add("depot", 0.0, 50.0, "v1", std::nullopt);
+  while (service_->handle(scan("/v1/maps/depot/localize")).status != 200) std::this_thread::yield();
+  const json members = {{{"map", "west"}}, {{"map", "depot"}, {"position", {0.0, 500.0, 0.0}}}};
+  ASSERT_EQ(put("street", set_of(members)).status, 200);
+  show("west", std::nullopt, 0.0);
+  show("depot", 20.0);
+  for (const char* path : {"/v1/localize", "/v1/localize/next"}) {
+    HttpRequest in_depot = scan(path);
+    in_depot.query.emplace_back("prior_t", "20,500,0");
+    in_depot.query.emplace_back("prior_q", "0,0,0,1");
+    in_depot.query.emplace_back("prior_sigma", "0.5,0.05");
+    const json answer = ask(in_depot);
+    EXPECT_EQ(answer["status"], "ok") << path;
+    EXPECT_EQ(answer["map"]["name"], "depot") << path;
+    in_depot.headers["accept"] = "application/geopose+json";
+    EXPECT_EQ(ask(in_depot, 406)["code"], "NotAcceptable") << path;
+  }
+  show("west", 70.0);
+  EXPECT_THAT(ask(scan("/v1/localize"))["reasons"], ElementsAre("ambiguous"));
+}
+
+TEST_F(MapSets, MapOfASetKeepsItsFrame) {
+  add("west", 0.0, 100.0, "v2", 1.0);
+  const auto activate = [&] {
+    HttpRequest request = ServiceTest::request("POST", "/v1/maps/west/versions/v2/activate");
+    request.query = {{"new_frame", "true"}};
+    return service_->handle(request);
+  };
+  const json refused = body(activate());
+  EXPECT_EQ(refused["code"], "OtherFrame");
+  EXPECT_THAT(refused["detail"].get<std::string>(), ::testing::HasSubstr("'street'"));
+  ASSERT_EQ(put("street", set_of({json{{"map", "east"}}})).status, 200);
+  EXPECT_EQ(activate().status, 200);
+}
+
+TEST_F(MapSets, SessionTellsTheVersionInWhichItBeginsAnew) {
+  show_vehicle();
+  x_ = 20.0;
+  json covariance = json::array();
+  for (int i = 0; i < 36; ++i) covariance.push_back(i % 7 == 0 ? 0.01 : 0.0);
+  const json prior = {{"position", {20.0, 0.0, 0.0}},
+                      {"quaternion", {0.0, 0.0, 0.0, 1.0}},
+                      {"covariance", covariance}};
+  const HttpResponse opened = send("POST", "/v1/sessions", {{"set", "street"}, {"prior", prior}});
+  const std::string path = "/v1/sessions/" + body(opened)["id"].get<std::string>();
+  for (int i = 1; i < 3; ++i) (void)ask(scan(path + "/scans", 100'000'000 * std::int64_t{i}));
+  add("west", 0.0, 100.0, "v2");
+  EXPECT_EQ(send("POST", "/v1/maps/west/versions/v2/activate").status, 200);
+  EXPECT_EQ(ask(scan(path + "/scans", 300'000'000))["map"]["version"], "v1");
+  EXPECT_EQ(send("POST", path + "/initialize", {{"prior", prior}}).status, 200);
+  EXPECT_EQ(ask(scan(path + "/scans", 1))["map"]["version"], "v2");
+  EXPECT_EQ(body(get(path))["map"]["version"], "v2");
+}
+
+TEST_F(MapSets, SealIsOfItsSetWhenThereAreMore) {
+  show_vehicle();
+  x_ = 20.0;
+  ask(with_prior(scan("/v1/localize/next"), x_));
+  ASSERT_EQ(put("another", set_of({json{{"map", "east"}}})).status, 201);
+  EXPECT_EQ(follow(0.1)["set"], "street");
+  EXPECT_EQ(ask(scan("/v1/localize/next"), 400)["code"], "InvalidRequest");
 }
 
 TEST_F(MapSets, VehicleIsHandedOverBehindTheBorderAndBack) {
@@ -323,7 +483,14 @@ TEST_F(MapSets, KeyIsAnsweredFromItsMapsAlone) {
   x_ = 150.0;
   // The only one of its maps, however far.
   EXPECT_EQ(ask(with_key(with_prior(scan("/v1/localize"), x_), west))["map"]["name"], "west");
-  EXPECT_EQ(ask(with_key(with_prior(scan("/v1/localize"), x_), none), 403)["code"], "Forbidden");
+  const json unseen = ask(with_key(with_prior(scan("/v1/localize"), x_), none), 400);
+  EXPECT_THAT(unseen["detail"].get<std::string>(), ::testing::Not(::testing::HasSubstr("street")));
+  HttpRequest named = with_key(with_prior(scan("/v1/localize"), x_), none);
+  named.query.emplace_back("set", "street");
+  EXPECT_EQ(ask(named, 404)["code"], "UnknownSet");
+  HttpRequest fix = with_key(scan("/v1/localize"), none);
+  fix.query.emplace_back("gnss", "0,0.00134747,,2");
+  EXPECT_EQ(ask(fix, 403)["code"], "Forbidden");
   EXPECT_EQ(ask(with_key(request("GET", "/v1/sets/street"), west))["maps"].size(), 1U);
   EXPECT_EQ(ask(with_key(request("GET", "/v1/sets/street"), none), 404)["code"], "UnknownSet");
   HttpRequest change = with_key(request("DELETE", "/v1/sets/street"), west);

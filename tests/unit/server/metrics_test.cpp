@@ -37,6 +37,7 @@ void use_all(Metrics& metrics) {
   metrics.sealed_scan("begun");
   metrics.set_map_chosen("town", "prior");
   metrics.handed_over("town");
+  metrics.hand_over_refused("town");
   metrics.set_workers(1, 0, 2);
   metrics.set_queue(3, 16);
   metrics.set_sessions(4);

@@ -68,6 +68,9 @@ class Tracker {
   /// @throws std::invalid_argument on broken options or without an aligner.
   explicit Tracker(std::shared_ptr<const Aligner> aligner, const TrackerOptions& options = {});
   ~Tracker();
+  /// The same session twice, each of which goes on by itself.
+  Tracker(const Tracker& other);
+  Tracker& operator=(const Tracker& other);
   Tracker(Tracker&&) noexcept;
   Tracker& operator=(Tracker&&) noexcept;
 
@@ -122,6 +125,14 @@ class Tracker {
   /// Where the vehicle was at the newest scan, as far as the session believes, or as `initialize`
   /// said; nothing while it is looked for everywhere.
   [[nodiscard]] std::optional<Eigen::Isometry3d> believed_T_map_lidar() const;
+  /// Whether a scan of this stamp is looked for around a place that is believed: where the motion
+  /// or `initialize` says that the vehicle is, or, if it is late, between poses that are kept.
+  /// Otherwise it is searched for, widely or everywhere.
+  [[nodiscard]] bool knows_place_at(
+      std::int64_t stamp_ns, const std::optional<OdometryStep>& odometry = std::nullopt) const;
+  /// Looks for the next scan everywhere, as at first. Stamps go on: scans that are not newer stay
+  /// late.
+  void forget_place();
   /// The same session in another map, where both maps show the place. This one is not changed. A
   /// scan that was answered and is sent again is matched again, in the other map.
   /// @param aligner, options  of the other map.

@@ -9,7 +9,7 @@ from .errors import ConnectionLost, Problem
 from .scan import Scan, scan_request
 from .thinning import Thinning
 from .transport import GEOPOSE, Response, Transport, is_passing, region_of, wait_s
-from .types import GeoPose, Gnss, MovableBox, Odometry, Pose, PoseAnswer, Prior
+from .types import GeoPose, Gnss, LastPlace, MovableBox, Odometry, Pose, PoseAnswer, Prior
 
 #: Refusals after which a seal is of no more use.
 _SPENT = frozenset({"InvalidSeal", "SealExpired", "SealedVersionGone"})
@@ -21,7 +21,8 @@ class SealedSession:
     """One vehicle in one version of a map, or in the maps of a set; made by `Client.sealed_session`. No server keeps
     anything of it: each answer brings a seal, which the next scan takes back. A scan whose answer was lost is sent again with the same
     seal, to the next of the servers if there are several. When a seal cannot be used any more (older than 60 s, its
-    version removed) the scan is sent again without it, and searched for everywhere.
+    version removed) the scan is sent again without it, and searched for everywhere; in a set of maps, around the last
+    place.
 
     One thread at a time."""
 
@@ -39,6 +40,7 @@ class SealedSession:
         #: How often a session began.
         self.begun = 0
         self._region: Dict[str, str] = {} if prior is None else region_of(prior.pose.position)
+        self._last = LastPlace()
 
     def track(self, scan: Scan, stamp_ns: int, *, layout: Optional[str] = None, odometry: Optional[Odometry] = None,
               deadline_ms: Optional[int] = None, T_base_lidar: Optional[Pose] = None,
@@ -50,6 +52,7 @@ class SealedSession:
         place = answer.T_set_lidar or answer.pose
         if place is not None:
             self._region = region_of(place.position)
+        self._last.note(answer)
         return answer
 
     def track_geopose(self, scan: Scan, stamp_ns: int, *, layout: Optional[str] = None,
@@ -64,6 +67,7 @@ class SealedSession:
     def initialize(self, prior: Optional[Prior] = None, *, gnss: Optional[Gnss] = None) -> None:
         """Forgets where the vehicle was: the next scan begins a session. Without prior and gnss it may be anywhere."""
         self.seal, self._prior, self._gnss = None, prior, gnss
+        self._last = LastPlace()
         self._region = {} if prior is None else region_of(prior.pose.position)
 
     def close(self) -> None:
@@ -94,7 +98,7 @@ class SealedSession:
                 self._prior = self._gnss = None
             if self.seal is None or problem.code not in _SPENT:
                 raise
-        self.seal = None
+        self.seal, self._prior = None, self._last.prior()
         return send()
 
     def _call(self, scan: Scan, layout: Optional[str], flat: Dict[str, str], keys: Dict[str, Any], may_thin: bool,

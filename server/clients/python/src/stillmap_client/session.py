@@ -13,7 +13,7 @@ from .scan import Pcd, Scan, encoded, scan_request
 from .sealed import SealedSession
 from .thinning import Thinning
 from .transport import GEOPOSE, Response, Transport, wait_s
-from .types import Event, GeoPose, Gnss, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior, SessionInfo
+from .types import Event, GeoPose, Gnss, LastPlace, MapReference, MovableBox, Odometry, Pose, PoseAnswer, Prior, SessionInfo
 
 if TYPE_CHECKING:
     from .client import Client
@@ -150,6 +150,7 @@ class SessionStream:
         #: Counters: scans sent and answered, replaced by a newer one before they were sent, failed; sessions.
         self.answered = self.superseded = self.failed = self.sessions = 0
         self._session: Optional[Union[Session, SealedSession]] = None
+        self._last = LastPlace()
         self._thread = threading.Thread(target=self._work, name="stillmap-session", daemon=True)
         self._thread.start()
 
@@ -222,12 +223,13 @@ class SessionStream:
                                          T_base_lidar=self._T_base_lidar, deadline_ms=self._deadline_ms, retries=0)
         except Exception as error:  # whatever comes, the thread must be there for the next scan
             if isinstance(error, Problem) and error.code == "UnknownSession":
-                self._session = None
+                self._session, self._prior = None, self._last.prior()
             self.failed += 1
             told = error if isinstance(error, StillmapError) else StillmapError(f"{type(error).__name__}: {error}")
             self._tell(self._on_error, stamp_ns, told)
             return told
         self.answered += 1
+        self._last.note(answer)
         if isinstance(self._session, SealedSession):
             self.sessions = self._session.begun
         self._tell(self._on_answer, stamp_ns, answer)

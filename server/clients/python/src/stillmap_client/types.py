@@ -5,6 +5,7 @@ Each keeps the whole JSON answer in `raw`, so that keys which this version does 
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple, Union
 
@@ -61,6 +62,29 @@ class Prior:
         if covariance is not None:
             json["covariance"] = covariance
         return json
+
+
+class LastPlace:
+    """Where a vehicle was in a set of maps when its session ended: the next one begins around there, as far as the
+    vehicle may have come since then. A large set needs a place to begin at."""
+
+    _MOST_M_S = 15.0  # one standard deviation
+
+    def __init__(self) -> None:
+        self._pose: Optional[Pose] = None
+        self._at_s = 0.0
+
+    def note(self, answer: "PoseAnswer") -> None:
+        if answer.T_set_lidar is not None and answer.status == "ok":
+            self._pose, self._at_s = answer.T_set_lidar, time.monotonic()
+
+    def prior(self) -> Optional[Prior]:
+        """None where nothing is known, as in one map: there it is searched for everywhere."""
+        if self._pose is None:
+            return None
+        way_m = 10.0 + self._MOST_M_S * (time.monotonic() - self._at_s)
+        deviations = (way_m, way_m, 10.0, 0.2, 0.2, 2.0)
+        return Prior(self._pose, covariance=[deviations[i] ** 2 if i == j else 0.0 for i in range(6) for j in range(6)])
 
 
 @dataclass(frozen=True)
