@@ -108,7 +108,7 @@ bool S3Packages::release_one() const {
   return false;
 }
 
-std::optional<PackageBlobs::Local> S3Packages::pinned(const std::string& digest) const {
+std::optional<PackageBlobs::Local> S3Packages::find_local(const std::string& digest) const {
   const fs::path folder = packages_.path_of(digest);
   if (!is_there(folder / maps::kManifestName)) return std::nullopt;
   std::optional<FolderLock> lock;
@@ -128,7 +128,7 @@ PackageBlobs::Local S3Packages::bring(const std::string& digest) {
   // Another process may take it apart between its coming and its pinning.
   constexpr int kTries = 20;
   for (int tries = 0; tries < kTries; ++tries) {
-    if (auto local = pinned(digest)) return std::move(*local);
+    if (auto local = find_local(digest)) return std::move(*local);
     {
       std::unique_lock lock(mutex_);
       if (!coming_.insert(digest).second) {

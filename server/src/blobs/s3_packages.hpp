@@ -35,6 +35,7 @@ class S3Packages final : public PackageBlobs {
   [[nodiscard]] std::filesystem::path packages() const override { return packages_.path(); }
   [[nodiscard]] FolderLock locked() const override { return cache_.locked(); }
   [[nodiscard]] Local bring(const std::string& digest) override;
+  [[nodiscard]] std::optional<Local> find_local(const std::string& digest) const override;
   [[nodiscard]] maps::MapManifest manifest(const std::string& digest) override;
   void bring_file(const maps::MapManifest::File& file, const std::filesystem::path& to) override;
   void send(const std::filesystem::path& package, const FileBytes& there, bool again) override;
@@ -49,7 +50,6 @@ class S3Packages final : public PackageBlobs {
   void require_credentials() { client_.require_credentials(); }
 
  private:
-  [[nodiscard]] std::optional<Local> pinned(const std::string& digest) const;
   void make_local(const std::string& digest);
   /// Takes the least recently used package apart that nobody reads.
   [[nodiscard]] bool release_one() const;

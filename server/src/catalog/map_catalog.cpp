@@ -1,14 +1,11 @@
 #include "catalog/map_catalog.hpp"
 
 #include "catalog/rollout_group.hpp"
-#include "json/localization_options_json.hpp"
 
 #include "errors/api_error.hpp"
-#include "errors/upload_errors.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
-#include <stillmap/localization/aligner.hpp>
 #include "store/postgres_database.hpp"
 
 #include <algorithm>
@@ -24,13 +21,21 @@ constexpr std::chrono::seconds kStorePeriod{1};
 /// Versions that are kept open besides the active and the rolled out ones.
 constexpr std::size_t kKeptOpen = 4;
 
-std::string version_text(const std::string& map, const std::string& version) {
-  return "version '" + version + "' of map '" + map + "'";
-}
-
 ApiError unusable(const ServedVersion& version) {
   return {ErrorCode::kMapUnusable,
           version_text(version.map, version.version) + " cannot be used: " + version.failure};
+}
+
+ApiError still_loading(const ServedVersion& version) {
+  return ApiError(ErrorCode::kMapLoading,
+                  version_text(version.map, version.version) +
+                      " is still being loaded; send the request again after Retry-After")
+      .with_header("Retry-After", "1");
+}
+
+void require_package(const ServedVersion& version) {
+  if (version.package) return;
+  throw version.state == MapState::kLoading ? still_loading(version) : unusable(version);
 }
 
 /// 0 also when the version is gone.
@@ -49,11 +54,18 @@ MapCatalog::MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* met
                        std::filesystem::path options_folder)
     : store_(store),
       facts_(store),
-      builder_(std::move(builder)),
-      options_folder_(std::move(options_folder)),
+      loader_(store, std::move(builder), metrics, std::move(options_folder)),
       metrics_(metrics) {
   follow_store();
-  thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
+  following_ = std::jthread([this](const std::stop_token& stop) { go_on_following(stop); });
+  fetching_ = std::jthread([this](const std::stop_token& stop) {
+    go_on(stop, /*with_package=*/false, [this](const Key& key) { (void)fetch(key); });
+  });
+  loading_ = std::jthread([this](const std::stop_token& stop) {
+    go_on(stop, /*with_package=*/true, [this](const Key& key) {
+      if (load(key).state == MapState::kReady) serve(key);
+    });
+  });
 }
 
 std::vector<ServedVersion> MapCatalog::active() const {
@@ -78,7 +90,7 @@ ServedVersion MapCatalog::find(std::string_view map) const {
     const auto found = active_.find(map);
     if (found != active_.end()) {
       ServedVersion served = slots_.at({found->first, found->second.serving}).served;
-      if (!served.package) throw unusable(served);
+      require_package(served);
       served.revision = found->second.revision;
       return served;
     }
@@ -98,8 +110,10 @@ ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
     if (const auto open_already = known(map, version)) return *open_already;
     throw;
   }
+  const auto coming = known(map, version);
+  if (coming && coming->state == MapState::kLoading) require_package(*coming);
   ServedVersion served = open(key).served;
-  if (!served.package) throw unusable(served);
+  require_package(served);
   return served;
 }
 
@@ -142,10 +156,7 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
       slot->second.served.state = MapState::kLoading;
   }
   changed_.notify_all();
-  throw ApiError(ErrorCode::kMapLoading,
-                 version_text(served.map, served.version) +
-                     " is still being loaded; send the request again after Retry-After")
-      .with_header("Retry-After", "1");
+  throw still_loading(served);
 }
 
 /// No vehicle waits for a state that does not answer: where servers share one, a version that is
@@ -314,28 +325,16 @@ void MapCatalog::refresh() {
   changed_.notify_all();
 }
 
-void MapCatalog::work(const std::stop_token& stop) {
+void MapCatalog::go_on_following(const std::stop_token& stop) {
   std::string trouble;
   while (!stop.stop_requested()) {
-    std::optional<Key> next;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait_for(lock, stop, kStorePeriod,
-                        [&] { return store_changed_ || next_to_load().has_value(); });
+      changed_.wait_for(lock, stop, kStorePeriod, [&] { return store_changed_; });
       store_changed_ = false;
-      next = next_to_load();
     }
     if (stop.stop_requested()) return;
     try {
-      if (next && load(*next).state == MapState::kReady) serve(*next);
-    } catch (const std::exception& error) {
-      // A removed version, or a store that cannot be read just now: what is served goes on.
-      spdlog::error("{} of the store: {}", version_text(next->first, next->second), error.what());
-      note_failure(*next, shown(error));
-    }
-    try {
-      // Also between loads: whoever asks for one version after the other must neither keep them all
-      // open nor hide what other processes activate.
       follow_store();
       trouble.clear();
     } catch (const std::exception& error) {
@@ -343,6 +342,30 @@ void MapCatalog::work(const std::stop_token& stop) {
       if (std::exchange(trouble, error.what()) != error.what())
         spdlog::error("the maps of the store: {}", error.what());
     }
+  }
+}
+
+/// Prepares one version after the other. @param with_package  those that are here, or those that
+/// must be fetched.
+void MapCatalog::go_on(const std::stop_token& stop, bool with_package,
+                       const std::function<void(const Key&)>& prepare) {
+  while (!stop.stop_requested()) {
+    std::optional<Key> key;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, stop, [&] { return next(with_package).has_value(); });
+      key = next(with_package);
+    }
+    if (stop.stop_requested() || !key) return;
+    try {
+      prepare(*key);
+    } catch (const std::exception& error) {
+      // A removed version, or a store that cannot be read just now: what is served goes on.
+      spdlog::error("{} of the store: {}", version_text(key->first, key->second), error.what());
+      note_failure(*key, loader_.shown(error));
+    }
+    // Whoever asks for one version after the other must not keep them all open.
+    forget_unused();
   }
 }
 
@@ -375,11 +398,11 @@ void MapCatalog::follow(const StoredMap& stored) {
       return;
     }
   }
-  (void)open({map, version});
+  const Key key(map, version);
+  Slot slot = opened(key, Fetch::kNo);
   const std::scoped_lock lock(mutex_);
-  ServedVersion& served = slots_.at({map, version}).served;
-  // One that failed before is tried again, since someone wants it again.
-  if (served.state != MapState::kReady) served.state = MapState::kLoading;
+  want(key, std::move(slot));
+  const ServedVersion& served = slots_.at(key).served;
   Active& active = active_[map];
   active.wanted = version;
   // What is being served goes on until the other is ready; without any, this one is loading.
@@ -388,6 +411,14 @@ void MapCatalog::follow(const StoredMap& stored) {
     active.revision = stored.revision;
   }
   changed_.notify_all();
+}
+
+/// Under the lock: loads it soon. One that failed before is tried again, since someone wants it
+/// again. @param opened  what is open of it, if nothing is yet.
+void MapCatalog::want(const Key& key, Slot opened) {
+  opened.last_use = ++uses_;
+  ServedVersion& served = slots_.try_emplace(key, std::move(opened)).first->second.served;
+  if (served.state != MapState::kReady) served.state = MapState::kLoading;
 }
 
 /// Loads what is rolled out, once: one that failed is tried again when it is begun again.
@@ -407,11 +438,9 @@ void MapCatalog::follow_rollouts() {
     rollouts_ = now;
   }
   for (const Key& key : begun) {
-    (void)open(key);
+    Slot slot = opened(key, Fetch::kNo);
     const std::scoped_lock lock(mutex_);
-    const auto slot = slots_.find(key);
-    if (slot != slots_.end() && slot->second.served.state != MapState::kReady)
-      slot->second.served.state = MapState::kLoading;
+    want(key, std::move(slot));
   }
   if (!begun.empty()) changed_.notify_all();
 }
@@ -474,57 +503,63 @@ void MapCatalog::notice_trust() {
   }
 }
 
-/// As clients are told, health without a key too: places of this machine stay in the log.
-std::string MapCatalog::shown(const std::exception& error) const {
-  return without_places(error.what(), store_);
-}
-
 /// @throws StoreRefusal when the store knows no such version.
-MapCatalog::Slot MapCatalog::opened(const Key& key) const {
-  Slot slot{.served = {.map = key.first, .version = key.second}};
-  slot.served.copy = store_.copy_of(key.first, key.second);
-  try {
-    slot.served.package = store_.open(key.first, key.second);
-  } catch (const StoreRefusal&) {
-    throw;
-  } catch (const std::exception& error) {
-    spdlog::error("{} cannot be opened: {}", version_text(key.first, key.second), error.what());
-    slot.served.state = MapState::kFailed;
-    slot.served.failure = shown(error);
-    // What cannot be fetched now may be fetched soon: it is opened again, as if it were another
-    // one.
-    if (store_.blobs() != nullptr) slot.served.copy = 0;
-  }
-  return slot;
+MapCatalog::Slot MapCatalog::opened(const Key& key, Fetch fetch) const {
+  return {.served = loader_.opened(key.first, key.second, fetch)};
 }
 
 MapCatalog::Slot MapCatalog::open(const Key& key) {
   {
     const std::scoped_lock lock(mutex_);
     const auto found = slots_.find(key);
-    if (found != slots_.end()) {
+    if (found != slots_.end() &&
+        (found->second.served.package || found->second.served.state == MapState::kFailed)) {
       found->second.last_use = ++uses_;
       return found->second;
     }
   }
-  Slot slot = opened(key);
+  return fetch(key);
+}
+
+/// Opens a version that is not open, wherever its package is. Under no lock: it may take minutes.
+MapCatalog::Slot MapCatalog::fetch(const Key& key) {
+  Slot slot = opened(key, Fetch::kYes);
+  const bool is_here = slot.served.package != nullptr;
+  if (!is_here && metrics_ != nullptr) metrics_->map_load_failed(key.first);
   const std::scoped_lock lock(mutex_);
   slot.last_use = ++uses_;
-  return slots_.try_emplace(key, std::move(slot)).first->second;
+  const auto [found, is_new] = slots_.try_emplace(key, slot);
+  Slot& now = found->second;
+  // Perhaps another one was faster.
+  if (is_new || now.served.package) return now;
+  // Someone has asked for more than its package.
+  if (is_here) slot.served.state = MapState::kLoading;
+  now = std::move(slot);
+  changed_.notify_all();
+  return now;
 }
 
 /// Makes a version ready, unless it is. One that failed is tried again: the disk may be well. One
 /// whose package was replaced serves as it is when the other cannot be used.
 ServedVersion MapCatalog::load(const Key& key) {
+  // What is fetched holds up no other one that is here.
+  if (const auto now = known(key.first, key.second); !now || !now->package) (void)fetch(key);
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto now = slots_.find(key);
+    if (now != slots_.end() && now->second.served.state == MapState::kReady &&
+        !now->second.replaced)
+      return now->second.served;
+  }
   const std::scoped_lock one_at_a_time(load_mutex_);
   const Slot before = open(key);
   Slot slot = before;
   const bool usable = before.served.state == MapState::kReady;
   if (usable && !before.replaced) return before.served;
-  if (!before.served.package || before.replaced) slot = opened(key);
+  if (before.served.package && before.replaced) slot = opened(key, Fetch::kYes);
   const std::uint64_t tried = slot.served.copy;
-  if (slot.served.package) make_ready(slot.served);
-  if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
+  if (slot.served.package) loader_.make_ready(slot.served);
+  if (slot.served.package && metrics_ != nullptr && slot.served.state == MapState::kFailed)
     metrics_->map_load_failed(key.first);
   if (usable && slot.served.state == MapState::kFailed) {
     // The copy that failed is not tried again.
@@ -532,29 +567,9 @@ ServedVersion MapCatalog::load(const Key& key) {
     slot.served.copy = tried;
   }
   const std::scoped_lock lock(mutex_);
+  slot.replaced = false;
   slot.last_use = ++uses_;
   return slots_.insert_or_assign(key, std::move(slot)).first->second.served;
-}
-
-void MapCatalog::make_ready(ServedVersion& version) const {
-  const auto begin = std::chrono::steady_clock::now();
-  version.failure.clear();
-  try {
-    store_.require_signed(version.map, version.version);
-    version.localization = localization_options_of(options_folder_, version.map);
-    version.aligners =
-        std::make_shared<const Aligners>(builder_(*version.package, version.localization));
-    version.seen_from = std::make_shared<SeenFrom>();
-    version.state = MapState::kReady;
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-    if (metrics_ != nullptr) metrics_->map_loaded(version.map, took.count());
-    spdlog::info("{} is ready", version_text(version.map, version.version));
-  } catch (const std::exception& error) {
-    version.state = MapState::kFailed;
-    version.failure = shown(error);
-    spdlog::error("{} cannot be used: {}", version_text(version.map, version.version),
-                  error.what());
-  }
 }
 
 /// Under no lock: `key` is loaded, and serves from now on if the store wants it.
@@ -572,6 +587,8 @@ void MapCatalog::note_failure(const Key& key, const std::string& why) {
   const std::scoped_lock lock(mutex_);
   const auto slot = slots_.find(key);
   if (slot == slots_.end()) return;
+  slot->second.replaced = false;
+  if (slot->second.served.state == MapState::kReady) return;
   slot->second.served.state = MapState::kFailed;
   slot->second.served.failure = why;
 }
@@ -588,15 +605,20 @@ void MapCatalog::forget_unused() {
   for (std::size_t i = 0; i + kKeptOpen < unused.size(); ++i) slots_.erase(unused[i].second);
 }
 
-/// Under the lock. Active versions come before those that someone looks at.
-std::optional<MapCatalog::Key> MapCatalog::next_to_load() const {
-  std::optional<Key> other;
+/// Under the lock. Active versions come before those that someone looks at, and what is new before
+/// what is tried again.
+std::optional<MapCatalog::Key> MapCatalog::next(bool with_package) const {
+  std::optional<Key> best;
+  int best_rank = -1;
   for (const auto& [key, slot] : slots_) {
-    if (slot.served.state != MapState::kLoading && !slot.replaced) continue;
-    if (is_served(key)) return key;
-    if (!other) other = key;
+    const bool is_new = slot.served.state == MapState::kLoading;
+    if ((!is_new && !slot.replaced) || (slot.served.package != nullptr) != with_package) continue;
+    const int rank = (is_served(key) ? 2 : 0) + (is_new ? 1 : 0);
+    if (rank <= best_rank) continue;
+    best = key;
+    best_rank = rank;
   }
-  return other;
+  return best;
 }
 
 /// Under the lock.

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,8 @@ class PackageBlobs {
   /// Brings a package to the local disk.
   /// @throws also InputError for bytes that are not what their names say.
   [[nodiscard]] virtual Local bring(const std::string& digest) = 0;
+  /// The same of one that is there already; nothing when it must be fetched.
+  [[nodiscard]] virtual std::optional<Local> find_local(const std::string& digest) const = 0;
   /// The manifest alone.
   [[nodiscard]] virtual maps::MapManifest manifest(const std::string& digest) = 0;
   /// Puts one file to a new path below the folder of `packages`.

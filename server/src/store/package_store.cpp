@@ -293,6 +293,11 @@ PackageBlobs::Local PackageStore::local(const std::string& digest) const {
   return {packages_.path_of(digest), nullptr};
 }
 
+std::optional<PackageBlobs::Local> PackageStore::find_local(const std::string& digest) const {
+  if (blobs_) return blobs_->find_local(digest);
+  return local(digest);
+}
+
 std::string PackageStore::damage_of(const std::string& digest,
                                     PackageBlobs::Verified& known) const {
   return blobs_ ? blobs_->damage_of(digest, known) : packages_.damage_of(digest);

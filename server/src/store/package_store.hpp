@@ -115,6 +115,8 @@ class PackageStore {
   [[nodiscard]] maps::MapManifest manifest(std::string_view map, std::string_view version) const;
   /// A package on the local disk, brought there if it is elsewhere.
   [[nodiscard]] PackageBlobs::Local local(const std::string& digest) const;
+  /// The same of one that need not be fetched; nothing when it must be.
+  [[nodiscard]] std::optional<PackageBlobs::Local> find_local(const std::string& digest) const;
 
   /// Tells one copy of a version's package from another: changes when a damaged one is replaced.
   /// 0 when there is none. @throws StoreRefusal kUnknownMap, kUnknownVersion.

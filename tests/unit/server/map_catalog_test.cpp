@@ -1,7 +1,10 @@
 #include "catalog/map_catalog.hpp"
 
 #include "errors/api_error.hpp"
+#include "blobs/s3_packages.hpp"
 #include "service_fixture.hpp"
+#include "support/disk_calls.hpp"
+#include "support/memory_s3.hpp"
 #include "support/stored_packages.hpp"
 
 #include <gmock/gmock.h>
@@ -412,6 +415,94 @@ TEST_F(MapCatalogTest, ManyThreadsSeeOneVersionOrTheOther) {
   second.join();
   EXPECT_EQ(wrong, 0);
   EXPECT_EQ(store_.state().map("town").revision, 31);
+}
+
+/// Two servers on one store whose packages are in S3, each with a cache. The first one publishes
+/// and activates, the second one follows.
+class FollowedFromS3 : public MapCatalogTest {
+ protected:
+  FollowedFromS3() {
+    first_.add("town", "v1", folder_.path() / "package1");
+    first_.add("town", "v2", folder_.path() / "package2");
+    first_.activate("town", "v1");
+    follow();
+    wait([&] { return catalog_->active().at(0).state == MapState::kReady; });
+    first_.activate("town", "v2");
+    wait([&] { return served() == "v2"; });
+  }
+  void TearDown() override {
+    second_.blobs()->stop();
+    catalog_.reset();
+  }
+  std::unique_ptr<PackageBlobs> blobs(const std::string& cache) {
+    const auto key =
+        folder_.write("key", "aws_access_key_id=test:tester\naws_secret_access_key=testing\n");
+    std::filesystem::permissions(key, std::filesystem::perms::owner_read);
+    S3PackagesOptions options;
+    options.s3 = {.endpoint = s3_.url(), .bucket = "maps", .credentials_file = key};
+    options.s3.retry = {.attempts = 2, .first_pause = std::chrono::milliseconds(1)};
+    options.cache.folder = folder_.path() / cache;
+    return std::make_unique<S3Packages>(options, calls_);
+  }
+  /// Starts the second server, anew.
+  void follow() {
+    catalog_.reset();
+    catalog_.emplace(second_, [this](const auto& map, const auto&) { return builder_.build(map); });
+  }
+  /// A map whose package the second server has to fetch.
+  void activate_field() {
+    test::write_package(folder_.path() / "field", 3);
+    first_.add("field", "v1", folder_.path() / "field");
+    first_.activate("field", "v1");
+  }
+  MapState state_of(const std::string& map) {
+    for (const ServedVersion& each : catalog_->active())
+      if (each.map == map) return each.state;
+    return MapState::kOpened;
+  }
+
+  test::UnsyncedCalls calls_;
+  test::MemoryS3 s3_;
+  test::TemporaryFolder s3_store_{test::memory_folder()};
+  PackageStore first_{s3_store_.path(), calls_, blobs("first")};
+  PackageStore second_{s3_store_.path(), calls_, blobs("second")};
+};
+
+TEST_F(FollowedFromS3, FollowsOtherMapsWhileAMapIsFetched) {
+  {
+    catalog_.reset();
+    activate_field();
+    const std::scoped_lock nothing_comes(s3_.mutex);
+    follow();
+    wait([&] { return state_of("town") == MapState::kReady; });
+    EXPECT_EQ(code_of([&] { (void)catalog_->ready("field", {}); }), ErrorCode::kMapLoading);
+    EXPECT_EQ(code_of([&] { (void)catalog_->find("field", "v1"); }), ErrorCode::kMapLoading);
+    // Its package is in the cache.
+    first_.roll_back("town");
+    wait([&] { return served() == "v1"; });
+    // Asked of this server, too.
+    catalog_->activate("town", "v2", {}, true);
+    EXPECT_EQ(served(), "v2");
+    EXPECT_EQ(state_of("field"), MapState::kLoading);
+  }
+  wait([&] { return state_of("field") == MapState::kReady; });
+  EXPECT_EQ(catalog_->ready("field", {}).version, "v1");
+}
+
+TEST_F(MapCatalogTest, FollowsOtherMapsWhileAMapIsLoaded) {
+  start();
+  test::write_package(folder_.path() / "field", 3);
+  store_.add("field", "v1", folder_.path() / "field");
+  const std::string field = store_.state().version("field", "v1").digest;
+  catalog_->activate("town", "v2", {}, true);
+  builder_.set_held(field, true);
+  store_.activate("field", "v1");
+  wait([&] { return builder_.built(field) == 1; });
+  store_.roll_back("town");
+  wait([&] { return served() == "v1"; });
+  store_.remove_map("field", WhenActive::kRemove);
+  wait([&] { return catalog_->active().size() == 1; });
+  builder_.set_held(field, false);
 }
 
 }  // namespace map_catalog_test
