@@ -38,16 +38,6 @@ void require_package(const ServedVersion& version) {
   throw version.state == MapState::kLoading ? still_loading(version) : unusable(version);
 }
 
-/// 0 also when the version is gone.
-std::uint64_t copy_of(const PackageStore& store, const std::string& map,
-                      const std::string& version) {
-  try {
-    return store.copy_of(map, version);
-  } catch (const StoreRefusal&) {
-    return 0;
-  }
-}
-
 }  // namespace
 
 MapCatalog::MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* metrics,
@@ -328,14 +318,15 @@ void MapCatalog::refresh() {
 void MapCatalog::go_on_following(const std::stop_token& stop) {
   std::string trouble;
   while (!stop.stop_requested()) {
+    bool is_asked_to = false;
     {
       std::unique_lock lock(mutex_);
       changed_.wait_for(lock, stop, kStorePeriod, [&] { return store_changed_; });
-      store_changed_ = false;
+      is_asked_to = std::exchange(store_changed_, false);
     }
     if (stop.stop_requested()) return;
     try {
-      follow_store();
+      follow_store(is_asked_to);
       trouble.clear();
     } catch (const std::exception& error) {
       // Once, not every second.
@@ -369,9 +360,31 @@ void MapCatalog::go_on(const std::stop_token& stop, bool with_package,
   }
 }
 
-/// Serves what the store says is active, as soon as it is loaded.
-void MapCatalog::follow_store() {
+/// @param anyway  also when PostgreSQL has told of no change: with many maps and servers, what each
+/// reads every second adds up.
+void MapCatalog::follow_store(bool anyway) {
   const std::scoped_lock what_was_read_holds(follow_mutex_);
+  // Before anything is read: what changes meanwhile is read in the next round.
+  const std::optional<std::int64_t> mark = store_.state().told_mark();
+  if (anyway || !mark || mark != followed_) {
+    followed_.reset();
+    follow_maps();
+    follow_rollouts();
+    follow_sets();
+    // Before the digests: what is opened later may be newer than these.
+    const std::vector<ServedVersion> versions = known_versions();
+    const PackageDigests stored = store_.state().digests();
+    notice_replaced(versions, &stored);
+    notice_trust(versions, stored);
+    followed_ = mark;
+  } else {
+    notice_replaced(known_versions(), nullptr);
+  }
+  forget_unused();
+}
+
+/// Serves what the store says is active, as soon as it is loaded.
+void MapCatalog::follow_maps() {
   std::map<std::string, StoredMap, std::less<>> wanted;
   for (StoredMap& map : store_.state().maps())
     if (map.active) wanted.emplace(map.name, std::move(map));
@@ -380,11 +393,6 @@ void MapCatalog::follow_store() {
     std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
   }
   for (const auto& [name, map] : wanted) follow(map);
-  follow_rollouts();
-  follow_sets();
-  notice_replaced();
-  notice_trust();
-  forget_unused();
 }
 
 void MapCatalog::follow(const StoredMap& stored) {
@@ -445,21 +453,34 @@ void MapCatalog::follow_rollouts() {
   if (!begun.empty()) changed_.notify_all();
 }
 
+std::vector<ServedVersion> MapCatalog::known_versions() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<ServedVersion> versions;
+  versions.reserve(slots_.size());
+  for (const auto& [key, slot] : slots_) versions.push_back(slot.served);
+  return versions;
+}
+
 /// What is open of a package that was damaged is what was damaged: the mended one lies beside it.
-void MapCatalog::notice_replaced() {
-  std::vector<std::pair<Key, std::uint64_t>> open;
-  {
-    const std::scoped_lock lock(mutex_);
-    for (const auto& [key, slot] : slots_) open.emplace_back(key, slot.served.copy);
-  }
-  for (const auto& [key, copy] : open) {
-    const std::uint64_t now = copy_of(store_, key.first, key.second);
+/// @param stored  what the store says now; null while it says what it said before.
+void MapCatalog::notice_replaced(const std::vector<ServedVersion>& versions,
+                                 const PackageDigests* stored) {
+  for (const ServedVersion& version : versions) {
+    const Key key(version.map, version.version);
+    std::string digest = version.digest;
+    if (stored != nullptr) {
+      const auto found = stored->find(key);
+      digest = found == stored->end() ? "" : found->second;
+    }
+    const std::uint64_t now = digest.empty() ? 0 : store_.copy_of(digest);
     // Removed: `named` does not ask.
     const bool is_gone = now == 0;
-    if (now == copy || (is_gone && !store_.state().is_shared())) continue;
+    if (now == version.copy || (is_gone && !store_.state().is_shared())) continue;
     const std::scoped_lock lock(mutex_);
     const auto slot = slots_.find(key);
     if (slot == slots_.end() || slot->second.served.state == MapState::kLoading) continue;
+    // It was opened again since.
+    if (slot->second.served.copy != version.copy) continue;
     if (!is_served(key) && !is_rolled_out(key))
       slots_.erase(slot);
     else if (!is_gone)
@@ -478,25 +499,29 @@ std::string MapCatalog::distrust_of(std::string_view map, std::string_view versi
 }
 
 /// Keys and signatures may come and go while versions are served.
-void MapCatalog::notice_trust() {
-  std::vector<Key> open;
-  {
-    const std::scoped_lock lock(mutex_);
-    for (const auto& [key, slot] : slots_) open.push_back(key);
+void MapCatalog::notice_trust(const std::vector<ServedVersion>& versions,
+                              const PackageDigests& stored) {
+  PackageDigests open;
+  for (const ServedVersion& version : versions) {
+    const auto found = stored.find({version.map, version.version});
+    if (found != stored.end()) open.insert(*found);
   }
-  for (const Key& key : open) {
-    const std::string why = distrust_of(key.first, key.second);
+  const auto refused = store_.not_signed(open);
+  for (const ServedVersion& version : versions) {
+    const Key key(version.map, version.version);
+    const auto why = refused.find(key);
+    const bool is_untrusted = why != refused.end();
     const std::scoped_lock lock(mutex_);
     const auto found = slots_.find(key);
-    if (found == slots_.end() || found->second.is_untrusted == !why.empty()) continue;
+    if (found == slots_.end() || found->second.is_untrusted == is_untrusted) continue;
     Slot& slot = found->second;
     if (slot.served.state == MapState::kLoading) continue;
-    slot.is_untrusted = !why.empty();
-    if (slot.is_untrusted && slot.served.state == MapState::kReady) {
-      spdlog::error("{}", why);
+    slot.is_untrusted = is_untrusted;
+    if (is_untrusted && slot.served.state == MapState::kReady) {
+      spdlog::error("{}", why->second);
       slot.served.state = MapState::kFailed;
-      slot.served.failure = why;
-    } else if (!slot.is_untrusted && slot.served.state == MapState::kFailed) {
+      slot.served.failure = why->second;
+    } else if (!is_untrusted && slot.served.state == MapState::kFailed) {
       slot.served.state = MapState::kLoading;
       changed_.notify_all();
     }

@@ -131,15 +131,17 @@ class MapCatalog {
   };
 
   void go_on_following(const std::stop_token& stop);
-  void follow_store();
+  void follow_store(bool anyway = true);
+  void follow_maps();
   void follow(const StoredMap& stored);
   void require_revision(const ServedVersion& served, std::int64_t seen_revision);
   void follow_rollouts();
   void follow_sets();
   void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
-  void notice_replaced();
+  [[nodiscard]] std::vector<ServedVersion> known_versions() const;
+  void notice_replaced(const std::vector<ServedVersion>& versions, const PackageDigests* stored);
   [[nodiscard]] ServedVersion named(std::string_view map, std::string_view version);
-  void notice_trust();
+  void notice_trust(const std::vector<ServedVersion>& versions, const PackageDigests& stored);
   void want(const Key& key, Slot opened);
   [[nodiscard]] Slot opened(const Key& key, Fetch fetch) const;
   Slot open(const Key& key);
@@ -162,6 +164,8 @@ class MapCatalog {
   std::mutex load_mutex_;
   /// Held from reading what the store says is active until that is served. Before `mutex_`.
   std::mutex follow_mutex_;
+  /// `StoreState::told_mark` before all of the store was read last. Under `follow_mutex_`.
+  std::optional<std::int64_t> followed_;
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
   bool store_changed_ = false;

@@ -68,6 +68,8 @@ struct ServedVersion {
   std::string version;
   /// Null while it is being fetched, and when it could not be opened.
   std::shared_ptr<const maps::MapPackage> package{};
+  /// Of its package, as the store has it.
+  std::string digest{};
   /// As of `PackageStore::copy_of`, before it was opened: what was made of a damaged copy is not
   /// what a mended one makes.
   std::uint64_t copy = 0;

@@ -29,10 +29,11 @@ std::string VersionLoader::shown(const std::exception& error) const {
 ServedVersion VersionLoader::opened(const std::string& map, const std::string& version,
                                     Fetch fetch) const {
   ServedVersion opened{.map = map, .version = version};
-  opened.copy = store_.copy_of(map, version);
+  opened.digest = store_.state().version(map, version).digest;
+  opened.copy = store_.copy_of(opened.digest);
   try {
     // What is here stays here while it is opened.
-    const auto local = store_.find_local(store_.state().version(map, version).digest);
+    const auto local = store_.find_local(opened.digest);
     if (!local && fetch == Fetch::kNo)
       opened.state = MapState::kLoading;
     else
