@@ -148,6 +148,34 @@ PackageBlobs::Local S3Packages::bring(const std::string& digest) {
                            "goes before it can be read: raise cache_bytes");
 }
 
+bool S3Packages::drop_damaged(const std::string& digest) {
+  const fs::path folder = packages_.path_of(digest);
+  const auto is_whole = [](const fs::path& file, const std::string& sha256) {
+    try {
+      return maps::sha256_of_file(file) == sha256;
+    } catch (const maps::StorageError&) {
+      return false;
+    }
+  };
+  std::set<std::string> wrong;
+  // A manifest from which no folder could be made.
+  if (cache_.has(digest) && !is_whole(cache_.place_of(digest), digest)) wrong.insert(digest);
+  const fs::path file = folder / maps::kManifestName;
+  if (is_there(folder) && !is_whole(file, digest)) {
+    // It does not say which files there are.
+    wrong.insert(digest);
+  } else if (is_there(folder)) {
+    for (const auto& [path, listed] : maps::parse_manifest(maps::read_text(file), digest).files)
+      if (!is_whole(folder / path, listed.sha256)) wrong.insert(listed.sha256);
+  }
+  if (wrong.empty()) return false;
+  const FolderLock lock = cache_.locked();
+  for (const std::string& sha256 : wrong) cache_.remove(sha256);
+  // Who reads it keeps what is open.
+  packages_.remove(digest);
+  return true;
+}
+
 maps::MapManifest S3Packages::manifest(const std::string& digest) {
   return maps::parse_manifest(cache_.open(digest).text(), client_.name_of(key_of(digest)));
 }

@@ -36,6 +36,7 @@ class S3Packages final : public PackageBlobs {
   [[nodiscard]] FolderLock locked() const override { return cache_.locked(); }
   [[nodiscard]] Local bring(const std::string& digest) override;
   [[nodiscard]] std::optional<Local> find_local(const std::string& digest) const override;
+  bool drop_damaged(const std::string& digest) override;
   [[nodiscard]] maps::MapManifest manifest(const std::string& digest) override;
   void bring_file(const maps::MapManifest::File& file, const std::filesystem::path& to) override;
   void send(const std::filesystem::path& package, const FileBytes& there, bool again) override;

@@ -21,6 +21,9 @@ constexpr std::chrono::seconds kStorePeriod{1};
 /// Versions that are kept open besides the active and the rolled out ones.
 constexpr std::size_t kKeptOpen = 4;
 
+constexpr const char* kDamagedAgain =
+    "what was fetched to the cache is damaged again: replace the disk of the cache";
+
 ApiError unusable(const ServedVersion& version) {
   return {ErrorCode::kMapUnusable,
           version_text(version.map, version.version) + " cannot be used: " + version.failure};
@@ -53,7 +56,7 @@ MapCatalog::MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* met
   });
   loading_ = std::jthread([this](const std::stop_token& stop) {
     go_on(stop, /*with_package=*/true, [this](const Key& key) {
-      if (load(key).state == MapState::kReady) serve(key);
+      if (load_once(key).state == MapState::kReady) serve(key);
     });
   });
 }
@@ -559,6 +562,7 @@ MapCatalog::Slot MapCatalog::fetch(const Key& key) {
   if (is_new || now.served.package) return now;
   // Someone has asked for more than its package.
   if (is_here) slot.served.state = MapState::kLoading;
+  slot.was_damaged = now.was_damaged;
   now = std::move(slot);
   changed_.notify_all();
   return now;
@@ -567,6 +571,12 @@ MapCatalog::Slot MapCatalog::fetch(const Key& key) {
 /// Makes a version ready, unless it is. One that failed is tried again: the disk may be well. One
 /// whose package was replaced serves as it is when the other cannot be used.
 ServedVersion MapCatalog::load(const Key& key) {
+  ServedVersion loaded = load_once(key);
+  return loaded.state == MapState::kLoading ? load_once(key) : loaded;
+}
+
+/// The same. One that was damaged in the cache is loading afterwards, without a package, once.
+ServedVersion MapCatalog::load_once(const Key& key) {
   // What is fetched holds up no other one that is here.
   if (const auto now = known(key.first, key.second); !now || !now->package) (void)fetch(key);
   {
@@ -583,9 +593,17 @@ ServedVersion MapCatalog::load(const Key& key) {
   if (usable && !before.replaced) return before.served;
   if (before.served.package && before.replaced) slot = opened(key, Fetch::kYes);
   const std::uint64_t tried = slot.served.copy;
-  if (slot.served.package) loader_.make_ready(slot.served);
-  if (slot.served.package && metrics_ != nullptr && slot.served.state == MapState::kFailed)
-    metrics_->map_load_failed(key.first);
+  if (slot.served.package) {
+    loader_.make_ready(slot.served);
+    const bool is_damaged = slot.served.state == MapState::kLoading;
+    if (is_damaged && slot.was_damaged) {
+      slot.served.state = MapState::kFailed;
+      slot.served.failure = kDamagedAgain;
+    }
+    slot.was_damaged = is_damaged;
+    if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
+      metrics_->map_load_failed(key.first);
+  }
   if (usable && slot.served.state == MapState::kFailed) {
     // The copy that failed is not tried again.
     slot.served = before.served;
@@ -594,6 +612,7 @@ ServedVersion MapCatalog::load(const Key& key) {
   const std::scoped_lock lock(mutex_);
   slot.replaced = false;
   slot.last_use = ++uses_;
+  changed_.notify_all();
   return slots_.insert_or_assign(key, std::move(slot)).first->second.served;
 }
 

@@ -119,6 +119,8 @@ class MapCatalog {
     std::uint64_t last_use = 0;
     /// The store has another copy now, which must be loaded.
     bool replaced = false;
+    /// It was removed from the cache, because it was damaged there, and fetched again.
+    bool was_damaged = false;
     /// No trusted key has signed it.
     bool is_untrusted = false;
   };
@@ -147,6 +149,7 @@ class MapCatalog {
   Slot open(const Key& key);
   Slot fetch(const Key& key);
   ServedVersion load(const Key& key);
+  ServedVersion load_once(const Key& key);
   void go_on(const std::stop_token& stop, bool with_package,
              const std::function<void(const Key&)>& prepare);
   void serve(const Key& key);

@@ -41,6 +41,9 @@ class PackageBlobs {
   [[nodiscard]] virtual Local bring(const std::string& digest) = 0;
   /// The same of one that is there already; nothing when it must be fetched.
   [[nodiscard]] virtual std::optional<Local> find_local(const std::string& digest) const = 0;
+  /// Compares what lies of a package on the local disk with its checksums: all of it is read. What
+  /// is wrong is removed, so that `bring` fetches it again. @return whether anything was wrong.
+  virtual bool drop_damaged(const std::string& digest) = 0;
   /// The manifest alone.
   [[nodiscard]] virtual maps::MapManifest manifest(const std::string& digest) = 0;
   /// Puts one file to a new path below the folder of `packages`.

@@ -447,7 +447,11 @@ class FollowedFromS3 : public MapCatalogTest {
   /// Starts the second server, anew.
   void follow() {
     catalog_.reset();
-    catalog_.emplace(second_, [this](const auto& map, const auto&) { return builder_.build(map); });
+    catalog_.emplace(second_, [this](const auto& map, const auto&) {
+      if (is_refused_ || !map.verify().empty())
+        throw maps::InputError("a tile", "another SHA-256", "what the manifest says");
+      return builder_.build(map);
+    });
   }
   /// A map whose package the second server has to fetch.
   void activate_field() {
@@ -461,6 +465,7 @@ class FollowedFromS3 : public MapCatalogTest {
     return MapState::kOpened;
   }
 
+  std::atomic<bool> is_refused_ = false;
   test::UnsyncedCalls calls_;
   test::MemoryS3 s3_;
   test::TemporaryFolder s3_store_{test::memory_folder()};
@@ -487,6 +492,28 @@ TEST_F(FollowedFromS3, FollowsOtherMapsWhileAMapIsFetched) {
   }
   wait([&] { return state_of("field") == MapState::kReady; });
   EXPECT_EQ(catalog_->ready("field", {}).version, "v1");
+}
+
+TEST_F(FollowedFromS3, FetchesWhatIsDamagedInItsCacheAgain) {
+  catalog_.reset();
+  const std::size_t fetched = s3_.asked("GET").size();
+  const auto package = folder_.path() / "second" / "packages" / digests_[2];
+  std::fstream(package / test::pack_of(package), std::ios::in | std::ios::out | std::ios::binary)
+      .seekp(33)
+      .put('\x55');
+  follow();
+  wait([&] { return state_of("town") == MapState::kReady; });
+  EXPECT_THAT(catalog_->find("town").package->verify(), IsEmpty());
+  EXPECT_EQ(s3_.asked("GET").size(), fetched + 1) << "the others are as they were";
+}
+
+TEST_F(FollowedFromS3, SaysWhatIsLeftToDoWhenItsCacheIsWhole) {
+  const std::size_t fetched = s3_.asked("GET").size();
+  is_refused_ = true;
+  follow();
+  wait([&] { return state_of("town") == MapState::kFailed; });
+  EXPECT_THAT(catalog_->active().front().failure, HasSubstr("delete the cache"));
+  EXPECT_EQ(s3_.asked("GET").size(), fetched);
 }
 
 TEST_F(MapCatalogTest, FollowsOtherMapsWhileAMapIsLoaded) {
