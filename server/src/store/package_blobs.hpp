@@ -46,6 +46,8 @@ class PackageBlobs {
   virtual bool drop_damaged(const std::string& digest) = 0;
   /// The manifest alone.
   [[nodiscard]] virtual maps::MapManifest manifest(const std::string& digest) = 0;
+  /// The same for those who can do without it: one try of a few seconds for all that ask.
+  [[nodiscard]] virtual maps::MapManifest manifest_if_near(const std::string& digest) = 0;
   /// Puts one file to a new path below the folder of `packages`.
   virtual void bring_file(const maps::MapManifest::File& file, const std::filesystem::path& to) = 0;
 

@@ -301,7 +301,7 @@ std::shared_ptr<const maps::MapPackage> PackageStore::open(std::string_view map,
 
 maps::MapManifest PackageStore::manifest(std::string_view map, std::string_view version) const {
   const std::string digest = state_->version(map, version).digest;
-  if (blobs_) return blobs_->manifest(digest);
+  if (blobs_) return blobs_->manifest_if_near(digest);
   return maps::MapPackage::open(packages_.path_of(digest))->manifest();
 }
 

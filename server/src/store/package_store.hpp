@@ -114,7 +114,8 @@ class PackageStore {
   [[nodiscard]] std::shared_ptr<const maps::MapPackage> open(std::string_view map,
                                                              std::string_view version) const;
 
-  /// Its manifest, without the rest of the package. @throws as `open`.
+  /// Its manifest, without the rest of the package. Waits for S3 a few seconds only.
+  /// @throws as `open`.
   [[nodiscard]] maps::MapManifest manifest(std::string_view map, std::string_view version) const;
   /// A package on the local disk, brought there if it is elsewhere.
   [[nodiscard]] PackageBlobs::Local local(const std::string& digest) const;

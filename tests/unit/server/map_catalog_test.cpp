@@ -507,6 +507,21 @@ TEST_F(FollowedFromS3, FetchesWhatIsDamagedInItsCacheAgain) {
   EXPECT_EQ(s3_.asked("GET").size(), fetched + 1) << "the others are as they were";
 }
 
+TEST_F(FollowedFromS3, DoesNotWaitForS3WithFactsOfEachVersion) {
+  for (int n = 3; n <= 5; ++n) {
+    digests_[n] = test::write_package(folder_.path() / ("package" + std::to_string(n)), n);
+    first_.add("town", "v" + std::to_string(n), folder_.path() / ("package" + std::to_string(n)));
+  }
+  const VersionFactsTable facts(second_);
+  s3_.set_away(true);
+  const std::size_t asked = s3_.asked("GET").size();
+  const auto version = [&](const char* name) { return second_.state().version("town", name); };
+  for (const char* name : {"v3", "v4", "v5", "v3"})
+    EXPECT_THROW((void)facts.of("town", version(name)), maps::StorageError) << name;
+  EXPECT_EQ(s3_.asked("GET").size(), asked + 1);
+  EXPECT_NO_THROW((void)facts.of("town", version("v1"))) << "is in the cache";
+}
+
 TEST_F(FollowedFromS3, SaysWhatIsLeftToDoWhenItsCacheIsWhole) {
   const std::size_t fetched = s3_.asked("GET").size();
   is_refused_ = true;
