@@ -377,11 +377,10 @@ void MapCatalog::follow_store(bool anyway) {
     // Before the digests: what is opened later may be newer than these.
     const std::vector<ServedVersion> versions = known_versions();
     const PackageDigests stored = store_.state().digests();
-    notice_replaced(versions, &stored);
-    notice_trust(versions, stored);
-    followed_ = mark;
+    const bool knew_all = notice_replaced(versions, &stored);
+    if (notice_trust(versions, stored) && knew_all) followed_ = mark;
   } else {
-    notice_replaced(known_versions(), nullptr);
+    (void)notice_replaced(known_versions(), nullptr);
   }
   forget_unused();
 }
@@ -401,16 +400,18 @@ void MapCatalog::follow_maps() {
 void MapCatalog::follow(const StoredMap& stored) {
   const std::string& map = stored.name;
   const std::string& version = *stored.active;
+  const Key key(map, version);
   {
     const std::scoped_lock lock(mutex_);
     const auto known = active_.find(map);
     if (known != active_.end() && known->second.wanted == version) {
+      // `serve` has done so, unless the store could not be read then.
+      if (slots_.at(key).served.state == MapState::kReady) known->second.serving = version;
       if (known->second.serving == version) known->second.revision = stored.revision;
       return;
     }
   }
-  const Key key(map, version);
-  Slot slot = opened(key, Fetch::kNo);
+  Slot slot = here(key);
   const std::scoped_lock lock(mutex_);
   want(key, std::move(slot));
   const ServedVersion& served = slots_.at(key).served;
@@ -424,11 +425,17 @@ void MapCatalog::follow(const StoredMap& stored) {
   changed_.notify_all();
 }
 
+/// For `want`: open, unless it must be fetched or is known already.
+MapCatalog::Slot MapCatalog::here(const Key& key) const {
+  if (!known(key.first, key.second)) return opened(key, Fetch::kNo);
+  return {.served = {.map = key.first, .version = key.second}};
+}
+
 /// Under the lock: loads it soon. One that failed before is tried again, since someone wants it
-/// again. @param opened  what is open of it, if nothing is yet.
-void MapCatalog::want(const Key& key, Slot opened) {
-  opened.last_use = ++uses_;
-  ServedVersion& served = slots_.try_emplace(key, std::move(opened)).first->second.served;
+/// again.
+void MapCatalog::want(const Key& key, Slot here) {
+  here.last_use = ++uses_;
+  ServedVersion& served = slots_.try_emplace(key, std::move(here)).first->second.served;
   if (served.state != MapState::kReady) served.state = MapState::kLoading;
 }
 
@@ -449,7 +456,7 @@ void MapCatalog::follow_rollouts() {
     rollouts_ = now;
   }
   for (const Key& key : begun) {
-    Slot slot = opened(key, Fetch::kNo);
+    Slot slot = here(key);
     const std::scoped_lock lock(mutex_);
     want(key, std::move(slot));
   }
@@ -466,8 +473,10 @@ std::vector<ServedVersion> MapCatalog::known_versions() const {
 
 /// What is open of a package that was damaged is what was damaged: the mended one lies beside it.
 /// @param stored  what the store says now; null while it says what it said before.
-void MapCatalog::notice_replaced(const std::vector<ServedVersion>& versions,
+/// @return false when some must be looked at again, since they are being loaded.
+bool MapCatalog::notice_replaced(const std::vector<ServedVersion>& versions,
                                  const PackageDigests* stored) {
+  bool knew_all = true;
   for (const ServedVersion& version : versions) {
     const Key key(version.map, version.version);
     std::string digest = version.digest;
@@ -481,15 +490,20 @@ void MapCatalog::notice_replaced(const std::vector<ServedVersion>& versions,
     if (now == version.copy || (is_gone && !store_.state().is_shared())) continue;
     const std::scoped_lock lock(mutex_);
     const auto slot = slots_.find(key);
-    if (slot == slots_.end() || slot->second.served.state == MapState::kLoading) continue;
-    // It was opened again since.
-    if (slot->second.served.copy != version.copy) continue;
+    if (slot == slots_.end()) continue;
+    // The second: it was opened again since.
+    if (slot->second.served.state == MapState::kLoading ||
+        slot->second.served.copy != version.copy) {
+      knew_all = false;
+      continue;
+    }
     if (!is_served(key) && !is_rolled_out(key))
       slots_.erase(slot);
     else if (!is_gone)
       slot->second.replaced = true;
     changed_.notify_all();
   }
+  return knew_all;
 }
 
 std::string MapCatalog::distrust_of(std::string_view map, std::string_view version) const {
@@ -501,8 +515,8 @@ std::string MapCatalog::distrust_of(std::string_view map, std::string_view versi
   }
 }
 
-/// Keys and signatures may come and go while versions are served.
-void MapCatalog::notice_trust(const std::vector<ServedVersion>& versions,
+/// Keys and signatures may come and go while versions are served. @return as `notice_replaced`.
+bool MapCatalog::notice_trust(const std::vector<ServedVersion>& versions,
                               const PackageDigests& stored) {
   PackageDigests open;
   for (const ServedVersion& version : versions) {
@@ -510,15 +524,17 @@ void MapCatalog::notice_trust(const std::vector<ServedVersion>& versions,
     if (found != stored.end()) open.insert(*found);
   }
   const auto refused = store_.not_signed(open);
+  bool knew_all = true;
   for (const ServedVersion& version : versions) {
     const Key key(version.map, version.version);
     const auto why = refused.find(key);
     const bool is_untrusted = why != refused.end();
     const std::scoped_lock lock(mutex_);
     const auto found = slots_.find(key);
-    if (found == slots_.end() || found->second.is_untrusted == is_untrusted) continue;
+    if (found == slots_.end()) continue;
     Slot& slot = found->second;
-    if (slot.served.state == MapState::kLoading) continue;
+    if (slot.served.state == MapState::kLoading) knew_all = false;
+    if (slot.served.state == MapState::kLoading || slot.is_untrusted == is_untrusted) continue;
     slot.is_untrusted = is_untrusted;
     if (is_untrusted && slot.served.state == MapState::kReady) {
       spdlog::error("{}", why->second);
@@ -529,6 +545,7 @@ void MapCatalog::notice_trust(const std::vector<ServedVersion>& versions,
       changed_.notify_all();
     }
   }
+  return knew_all;
 }
 
 /// @throws StoreRefusal when the store knows no such version.
@@ -601,6 +618,8 @@ ServedVersion MapCatalog::load_once(const Key& key) {
       slot.served.failure = kDamagedAgain;
     }
     slot.was_damaged = is_damaged;
+    slot.is_untrusted =
+        slot.served.state == MapState::kFailed && !distrust_of(key.first, key.second).empty();
     if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
       metrics_->map_load_failed(key.first);
   }

@@ -141,10 +141,11 @@ class MapCatalog {
   void follow_sets();
   void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
   [[nodiscard]] std::vector<ServedVersion> known_versions() const;
-  void notice_replaced(const std::vector<ServedVersion>& versions, const PackageDigests* stored);
+  bool notice_replaced(const std::vector<ServedVersion>& versions, const PackageDigests* stored);
   [[nodiscard]] ServedVersion named(std::string_view map, std::string_view version);
-  void notice_trust(const std::vector<ServedVersion>& versions, const PackageDigests& stored);
-  void want(const Key& key, Slot opened);
+  bool notice_trust(const std::vector<ServedVersion>& versions, const PackageDigests& stored);
+  [[nodiscard]] Slot here(const Key& key) const;
+  void want(const Key& key, Slot here);
   [[nodiscard]] Slot opened(const Key& key, Fetch fetch) const;
   Slot open(const Key& key);
   Slot fetch(const Key& key);

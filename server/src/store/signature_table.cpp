@@ -32,8 +32,7 @@ std::map<std::pair<std::string, std::string>, std::vector<MapSignature>> Signatu
   const StoreDatabase::Reading reading(*database_);
   Statement row(reading.database(), "SELECT map, package, key, signature FROM signatures");
   std::map<std::pair<std::string, std::string>, std::vector<MapSignature>> all;
-  while (row.step())
-    all[std::pair(row.text(0), row.text(1))].push_back({row.text(2), row.text(3)});
+  while (row.step()) all[std::pair(row.text(0), row.text(1))].push_back({row.text(2), row.text(3)});
   return all;
 }
 

@@ -1,7 +1,7 @@
 #include "catalog/map_catalog.hpp"
 
-#include "errors/api_error.hpp"
 #include "blobs/s3_packages.hpp"
+#include "errors/api_error.hpp"
 #include "service_fixture.hpp"
 #include "support/disk_calls.hpp"
 #include "support/memory_s3.hpp"
