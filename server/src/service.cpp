@@ -375,7 +375,10 @@ void Service::add_metrics() {
 }
 
 std::function<void()> Service::prepare_trust(const ServerOptions& next) {
-  return [this, keys = trust_of(next)] { store_.set_trust(keys); };
+  return [this, keys = trust_of(next)] {
+    store_.set_trust(keys);
+    catalog_.refresh();
+  };
 }
 
 void Service::reload(const ServerOptions& options) {

@@ -75,11 +75,12 @@ frontend https
 {address_rate}\
   # max_payload_bytes of the server; packages and drives come by PUT and are bounded there.
   http-request deny deny_status 413 if !{{ method PUT }} {{ req.hdr(content-length) -m int gt 67108864 }}
-  # Silent until all is unpacked, on the disk, indexed.
-  acl slow path_reg ^/v1/maps/[^/]+/(rollback|versions/[^/]+(/activate)?|(drives|uploads)/[^/]+/(complete|parts/[^/]+))$
+  # Silent until all is fetched from S3, unpacked, on the disk, indexed.
+  acl slow path_reg ^/v1/maps/[^/]+/(rollback|rollout|versions/[^/]+(/activate)?)$
+  acl slow path_reg ^/v1/maps/[^/]+/(drives|uploads)/[^/]+/(complete|parts/[^/]+)$
   http-request set-var(txn.is_slow) bool(true) if slow !METH_GET
-  # Silent until the package is compared with its checksums.
-  http-request set-var(txn.is_slow) bool(true) if {{ path_reg ^/v1/maps/[^/]+/versions/[^/]+/content$ }}
+  # Silent until the package is fetched from S3, and for `content` compared with its checksums.
+  http-request set-var(txn.is_slow) bool(true) if {{ path_reg ^/v1/maps/[^/]+/versions/[^/]+ }} METH_GET
   http-response set-header Strict-Transport-Security max-age=63072000
   acl poses path_reg ^/v1/(maps/[^/]+/(versions/[^/]+/)?)?localize(/batch|/next)?$
   acl sessions path_reg ^/v1/sessions(/|$)

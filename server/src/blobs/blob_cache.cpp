@@ -124,6 +124,10 @@ fs::path BlobCache::place_of(const std::string& sha256) const {
 
 bool BlobCache::has(const std::string& sha256) const { return is_there(place_of(sha256)); }
 
+void BlobCache::remove(const std::string& sha256) const {
+  if (has(sha256)) files_.remove_file(place_of(sha256));
+}
+
 int BlobCache::try_open(const std::string& sha256, std::optional<std::uint64_t> bytes) const {
   const int descriptor = ::open(place_of(sha256).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
   struct stat found {};

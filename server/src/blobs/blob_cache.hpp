@@ -66,6 +66,10 @@ class BlobCache {
   /// @param sha256  of the file's bytes, which do not change any more.
   void adopt(const std::string& sha256, const std::filesystem::path& file);
   [[nodiscard]] bool has(const std::string& sha256) const;
+  /// Where a blob is, if it is there.
+  [[nodiscard]] std::filesystem::path place_of(const std::string& sha256) const;
+  /// So that it is fetched when it is asked for again. Under `locked`.
+  void remove(const std::string& sha256) const;
 
   /// Asked when all blobs that may go are gone and there is still no room: removes second names.
   /// Under `locked`. @return false when there is nothing more that may go.
@@ -87,7 +91,6 @@ class BlobCache {
  private:
   struct Download;
   struct Walk;
-  [[nodiscard]] std::filesystem::path place_of(const std::string& sha256) const;
   [[nodiscard]] int try_open(const std::string& sha256, std::optional<std::uint64_t> bytes) const;
   void share_download(const std::string& sha256, std::optional<std::uint64_t> bytes);
   void download(const std::string& sha256, std::optional<std::uint64_t> bytes);

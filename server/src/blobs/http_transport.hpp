@@ -20,8 +20,9 @@ struct HttpTransportOptions {
   /// Connections at one time; they are kept open.
   std::size_t connections = 8;
   std::chrono::milliseconds connect_timeout{5'000};
-  /// A request over which no byte moves for so long fails; full seconds.
+  /// A request that is slower than `least_bytes_per_s` for so long fails; full seconds.
   std::chrono::seconds stall_timeout{20};
+  std::uint32_t least_bytes_per_s = 4096;
 };
 
 struct HttpCall {

@@ -119,13 +119,16 @@ class OpenFile {
       if (errno != EINTR) throw maps::StorageError(file_.string(), std::strerror(errno));
     }
   }
-  [[nodiscard]] std::string sha256(std::uint64_t offset, std::uint64_t bytes) const {
+  /// Of a part. @param whole  takes the same bytes.
+  [[nodiscard]] std::string sha256(std::uint64_t offset, std::uint64_t bytes,
+                                   maps::Sha256& whole) const {
     maps::Sha256 hash;
     std::vector<char> buffer(std::size_t{256} << 10U);
     for (std::uint64_t done = 0; done < bytes;) {
       const std::size_t most = std::min<std::uint64_t>(buffer.size(), bytes - done);
       const std::size_t got = read(offset + done, std::span(buffer).first(most));
       hash.add(buffer.data(), got);
+      whole.add(buffer.data(), got);
       done += got;
     }
     return hash.hex();
@@ -344,7 +347,7 @@ void S3Client::put(const std::string& key, std::string_view bytes, const std::st
 
 void S3Client::put_file(const std::string& key, const fs::path& file, const std::string& sha256) {
   const OpenFile source(file);
-  if (source.bytes() > options_.part_bytes) return put_in_parts(key, file, source.bytes());
+  if (source.bytes() > options_.part_bytes) return put_in_parts(key, file, source.bytes(), sha256);
   const auto body = [&source](std::uint64_t offset, std::span<char> into) {
     return source.read(offset, into);
   };
@@ -355,13 +358,15 @@ void S3Client::put_file(const std::string& key, const fs::path& file, const std:
             .body = body});
 }
 
-void S3Client::put_in_parts(const std::string& key, const fs::path& file, std::uint64_t bytes) {
+void S3Client::put_in_parts(const std::string& key, const fs::path& file, std::uint64_t bytes,
+                            const std::string& sha256) {
   const OpenFile source(file);
   const std::uint64_t part_bytes = std::max(options_.part_bytes, bytes / kMostParts + 1);
   const Answer begun = ask_well({.method = "POST", .key = key, .query = {{"uploads", ""}}});
   const std::string upload = xml_text(begun.body, "UploadId").value_or("");
   if (upload.empty()) throw S3Error(name_of(key), "no UploadId: is this an S3 server?", 200);
   try {
+    maps::Sha256 whole;
     std::string list = "<CompleteMultipartUpload>";
     int number = 1;
     for (std::uint64_t offset = 0; offset < bytes; offset += part_bytes, ++number) {
@@ -373,7 +378,7 @@ void S3Client::put_in_parts(const std::string& key, const fs::path& file, std::u
           ask_well({.method = "PUT",
                     .key = key,
                     .query = {{"partNumber", std::to_string(number)}, {"uploadId", upload}},
-                    .body_sha256 = source.sha256(offset, size),
+                    .body_sha256 = source.sha256(offset, size, whole),
                     .body_bytes = size,
                     .body = body});
       const auto tag = sent.reply.headers.find("etag");
@@ -382,6 +387,11 @@ void S3Client::put_in_parts(const std::string& key, const fs::path& file, std::u
       list += fmt::format("<Part><PartNumber>{}</PartNumber><ETag>{}</ETag></Part>", number,
                           xml_escaped(tag->second));
     }
+    // The server compares each part with its sum, and nobody the whole.
+    if (const std::string found = whole.hex(); found != sha256)
+      throw maps::StorageError(file.string(), "SHA-256 " + found + ", not " + sha256 +
+                                                  ": the file is damaged or was changed while it "
+                                                  "was sent: read the disk again");
     complete_parts(key, upload, list + "</CompleteMultipartUpload>", bytes);
   } catch (...) {
     try {

@@ -78,7 +78,7 @@ class S3Client {
   /// @param sha256  of the bytes, lower-case hex: a server that gets others refuses them.
   void put(const std::string& key, std::string_view bytes, const std::string& sha256);
   /// The same of a file, which is read while it is sent.
-  /// @throws also StorageError when the file cannot be read or becomes shorter.
+  /// @throws also StorageError when the file cannot be read, becomes shorter, or has other bytes.
   void put_file(const std::string& key, const std::filesystem::path& file,
                 const std::string& sha256);
 
@@ -132,7 +132,8 @@ class S3Client {
   /// As `ask`. @throws S3Error unless the status is one of 2xx.
   Answer ask_well(const Request& request, const std::function<void(Request&)>& again = {});
   [[noreturn]] void refuse(const Request& request, const Answer& answer) const;
-  void put_in_parts(const std::string& key, const std::filesystem::path& file, std::uint64_t bytes);
+  void put_in_parts(const std::string& key, const std::filesystem::path& file, std::uint64_t bytes,
+                    const std::string& sha256);
   void complete_parts(const std::string& key, const std::string& upload, const std::string& list,
                       std::uint64_t bytes);
   /// @return false when it is to end.

@@ -58,6 +58,16 @@ std::optional<std::chrono::system_clock::time_point> parse_modified(const std::s
   return std::chrono::system_clock::from_time_t(::timegm(&parts));
 }
 
+/// How long an S3 that did not answer is not asked again by those who do not wait for it.
+constexpr std::chrono::seconds kNotAskedAgain{5};
+
+S3Options hasty(S3Options options) {
+  options.retry.attempts = 1;
+  options.transport.connect_timeout = std::chrono::milliseconds(1'000);
+  options.transport.stall_timeout = std::chrono::seconds(3);
+  return options;
+}
+
 std::int64_t last_change_ns(const fs::path& path) {
   struct stat found {};
   if (::stat(path.c_str(), &found) != 0) return 0;
@@ -79,6 +89,7 @@ S3Packages::S3Packages(const S3PackagesOptions& options, DiskCalls& calls, S3Cli
     : options_(options),
       files_(calls),
       client_(options.s3, clock),
+      hasty_client_(hasty(options.s3), clock),
       cache_(
           options.cache,
           [this](const std::string& sha256, const BlobCache::Sink& sink) {
@@ -108,7 +119,7 @@ bool S3Packages::release_one() const {
   return false;
 }
 
-std::optional<PackageBlobs::Local> S3Packages::pinned(const std::string& digest) const {
+std::optional<PackageBlobs::Local> S3Packages::find_local(const std::string& digest) const {
   const fs::path folder = packages_.path_of(digest);
   if (!is_there(folder / maps::kManifestName)) return std::nullopt;
   std::optional<FolderLock> lock;
@@ -128,7 +139,7 @@ PackageBlobs::Local S3Packages::bring(const std::string& digest) {
   // Another process may take it apart between its coming and its pinning.
   constexpr int kTries = 20;
   for (int tries = 0; tries < kTries; ++tries) {
-    if (auto local = pinned(digest)) return std::move(*local);
+    if (auto local = find_local(digest)) return std::move(*local);
     {
       std::unique_lock lock(mutex_);
       if (!coming_.insert(digest).second) {
@@ -148,8 +159,61 @@ PackageBlobs::Local S3Packages::bring(const std::string& digest) {
                            "goes before it can be read: raise cache_bytes");
 }
 
+bool S3Packages::drop_damaged(const std::string& digest) {
+  const fs::path folder = packages_.path_of(digest);
+  const auto is_whole = [](const fs::path& file, const std::string& sha256) {
+    try {
+      return maps::sha256_of_file(file) == sha256;
+    } catch (const maps::StorageError&) {
+      return false;
+    }
+  };
+  std::set<std::string> wrong;
+  // A manifest from which no folder could be made.
+  if (cache_.has(digest) && !is_whole(cache_.place_of(digest), digest)) wrong.insert(digest);
+  const fs::path file = folder / maps::kManifestName;
+  if (is_there(folder) && !is_whole(file, digest)) {
+    // It does not say which files there are.
+    wrong.insert(digest);
+  } else if (is_there(folder)) {
+    for (const auto& [path, listed] : maps::parse_manifest(maps::read_text(file), digest).files)
+      if (!is_whole(folder / path, listed.sha256)) wrong.insert(listed.sha256);
+  }
+  if (wrong.empty()) return false;
+  const FolderLock lock = cache_.locked();
+  for (const std::string& sha256 : wrong) cache_.remove(sha256);
+  // Who reads it keeps what is open.
+  packages_.remove(digest);
+  return true;
+}
+
 maps::MapManifest S3Packages::manifest(const std::string& digest) {
   return maps::parse_manifest(cache_.open(digest).text(), client_.name_of(key_of(digest)));
+}
+
+maps::MapManifest S3Packages::manifest_if_near(const std::string& digest) {
+  if (cache_.has(digest)) return manifest(digest);
+  const std::string name = client_.name_of(key_of(digest));
+  {
+    const std::scoped_lock lock(mutex_);
+    if (away_because_ && std::chrono::steady_clock::now() < away_until_)
+      throw S3Error(*away_because_);
+  }
+  std::string text;
+  try {
+    // Not by the cache: another thread may wait long there for the same one.
+    text = hasty_client_.get_text(key_of(digest), kMostManifestBytes);
+  } catch (const S3Error& error) {
+    if (error.is_missing()) throw;
+    const std::scoped_lock lock(mutex_);
+    away_because_ = error;
+    away_until_ = std::chrono::steady_clock::now() + kNotAskedAgain;
+    throw;
+  }
+  if (maps::sha256_of(text) != digest)
+    throw maps::InputError(name, "SHA-256 " + maps::sha256_of(text),
+                           "what its name says: add the package to the store again");
+  return maps::parse_manifest(text, name);
 }
 
 void S3Packages::bring_file(const maps::MapManifest::File& file, const fs::path& to) {
@@ -321,9 +385,10 @@ std::vector<std::string> S3Packages::unnamed(const FileBytes& named) {
 PackageBlobs::Figures S3Packages::figures() const {
   const S3Client::Figures client = client_.figures();
   const BlobCache::Figures cache = cache_.figures();
+  const S3Client::Figures hasty = hasty_client_.figures();
   return {.is_away = client.is_away,
-          .answered = client.answered,
-          .failed = client.failed,
+          .answered = client.answered + hasty.answered,
+          .failed = client.failed + hasty.failed,
           .local_bytes = cache.used_bytes,
           .found = cache.found,
           .fetched = cache.fetched};

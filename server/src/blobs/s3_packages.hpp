@@ -35,7 +35,10 @@ class S3Packages final : public PackageBlobs {
   [[nodiscard]] std::filesystem::path packages() const override { return packages_.path(); }
   [[nodiscard]] FolderLock locked() const override { return cache_.locked(); }
   [[nodiscard]] Local bring(const std::string& digest) override;
+  [[nodiscard]] std::optional<Local> find_local(const std::string& digest) const override;
+  bool drop_damaged(const std::string& digest) override;
   [[nodiscard]] maps::MapManifest manifest(const std::string& digest) override;
+  [[nodiscard]] maps::MapManifest manifest_if_near(const std::string& digest) override;
   void bring_file(const maps::MapManifest::File& file, const std::filesystem::path& to) override;
   void send(const std::filesystem::path& package, const FileBytes& there, bool again) override;
   void confirm(const std::filesystem::path& package, const FileBytes& there) override;
@@ -44,12 +47,14 @@ class S3Packages final : public PackageBlobs {
   [[nodiscard]] std::vector<std::string> unnamed(const FileBytes& named) override;
   void remove_blobs(const std::vector<std::string>& sha256s) override;
   [[nodiscard]] Figures figures() const override;
-  void stop() override { client_.stop(); }
+  void stop() override {
+    client_.stop();
+    hasty_client_.stop();
+  }
   /// @throws maps::InputError when there are no credentials.
   void require_credentials() { client_.require_credentials(); }
 
  private:
-  [[nodiscard]] std::optional<Local> pinned(const std::string& digest) const;
   void make_local(const std::string& digest);
   /// Takes the least recently used package apart that nobody reads.
   [[nodiscard]] bool release_one() const;
@@ -60,6 +65,8 @@ class S3Packages final : public PackageBlobs {
   S3PackagesOptions options_;
   DurableFiles files_;
   S3Client client_;
+  /// Tries once, and not for long.
+  S3Client hasty_client_;
   BlobCache cache_;
   PackageFolder packages_;
   S3Client::Clock clock_;
@@ -67,6 +74,9 @@ class S3Packages final : public PackageBlobs {
   std::condition_variable made_;
   /// That a thread of this process brings just now.
   std::set<std::string> coming_;
+  /// Of `hasty_client_`.
+  std::optional<S3Error> away_because_;
+  std::chrono::steady_clock::time_point away_until_{};
 };
 
 }  // namespace stillmap::server

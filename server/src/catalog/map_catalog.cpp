@@ -1,14 +1,11 @@
 #include "catalog/map_catalog.hpp"
 
 #include "catalog/rollout_group.hpp"
-#include "json/localization_options_json.hpp"
 
 #include "errors/api_error.hpp"
-#include "errors/upload_errors.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
-#include <stillmap/localization/aligner.hpp>
 #include "store/postgres_database.hpp"
 
 #include <algorithm>
@@ -24,23 +21,24 @@ constexpr std::chrono::seconds kStorePeriod{1};
 /// Versions that are kept open besides the active and the rolled out ones.
 constexpr std::size_t kKeptOpen = 4;
 
-std::string version_text(const std::string& map, const std::string& version) {
-  return "version '" + version + "' of map '" + map + "'";
-}
+constexpr const char* kDamagedAgain =
+    "what was fetched to the cache is damaged again: replace the disk of the cache";
 
 ApiError unusable(const ServedVersion& version) {
   return {ErrorCode::kMapUnusable,
           version_text(version.map, version.version) + " cannot be used: " + version.failure};
 }
 
-/// 0 also when the version is gone.
-std::uint64_t copy_of(const PackageStore& store, const std::string& map,
-                      const std::string& version) {
-  try {
-    return store.copy_of(map, version);
-  } catch (const StoreRefusal&) {
-    return 0;
-  }
+ApiError still_loading(const ServedVersion& version) {
+  return ApiError(ErrorCode::kMapLoading,
+                  version_text(version.map, version.version) +
+                      " is still being loaded; send the request again after Retry-After")
+      .with_header("Retry-After", "1");
+}
+
+void require_package(const ServedVersion& version) {
+  if (version.package) return;
+  throw version.state == MapState::kLoading ? still_loading(version) : unusable(version);
 }
 
 }  // namespace
@@ -49,11 +47,18 @@ MapCatalog::MapCatalog(PackageStore& store, AlignerBuilder builder, Metrics* met
                        std::filesystem::path options_folder)
     : store_(store),
       facts_(store),
-      builder_(std::move(builder)),
-      options_folder_(std::move(options_folder)),
+      loader_(store, std::move(builder), metrics, std::move(options_folder)),
       metrics_(metrics) {
   follow_store();
-  thread_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
+  following_ = std::jthread([this](const std::stop_token& stop) { go_on_following(stop); });
+  fetching_ = std::jthread([this](const std::stop_token& stop) {
+    go_on(stop, /*with_package=*/false, [this](const Key& key) { (void)fetch(key); });
+  });
+  loading_ = std::jthread([this](const std::stop_token& stop) {
+    go_on(stop, /*with_package=*/true, [this](const Key& key) {
+      if (load_once(key).state == MapState::kReady) serve(key);
+    });
+  });
 }
 
 std::vector<ServedVersion> MapCatalog::active() const {
@@ -78,7 +83,7 @@ ServedVersion MapCatalog::find(std::string_view map) const {
     const auto found = active_.find(map);
     if (found != active_.end()) {
       ServedVersion served = slots_.at({found->first, found->second.serving}).served;
-      if (!served.package) throw unusable(served);
+      require_package(served);
       served.revision = found->second.revision;
       return served;
     }
@@ -98,8 +103,10 @@ ServedVersion MapCatalog::find(std::string_view map, std::string_view version) {
     if (const auto open_already = known(map, version)) return *open_already;
     throw;
   }
+  const auto coming = known(map, version);
+  if (coming && coming->state == MapState::kLoading) require_package(*coming);
   ServedVersion served = open(key).served;
-  if (!served.package) throw unusable(served);
+  require_package(served);
   return served;
 }
 
@@ -142,10 +149,7 @@ ServedVersion MapCatalog::ready(std::string_view map, std::optional<std::string_
       slot->second.served.state = MapState::kLoading;
   }
   changed_.notify_all();
-  throw ApiError(ErrorCode::kMapLoading,
-                 version_text(served.map, served.version) +
-                     " is still being loaded; send the request again after Retry-After")
-      .with_header("Retry-After", "1");
+  throw still_loading(served);
 }
 
 /// No vehicle waits for a state that does not answer: where servers share one, a version that is
@@ -320,29 +324,18 @@ void MapCatalog::refresh() {
   changed_.notify_all();
 }
 
-void MapCatalog::work(const std::stop_token& stop) {
+void MapCatalog::go_on_following(const std::stop_token& stop) {
   std::string trouble;
   while (!stop.stop_requested()) {
-    std::optional<Key> next;
+    bool is_asked_to = false;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait_for(lock, stop, kStorePeriod,
-                        [&] { return store_changed_ || next_to_load().has_value(); });
-      store_changed_ = false;
-      next = next_to_load();
+      changed_.wait_for(lock, stop, kStorePeriod, [&] { return store_changed_; });
+      is_asked_to = std::exchange(store_changed_, false);
     }
     if (stop.stop_requested()) return;
     try {
-      if (next && load(*next).state == MapState::kReady) serve(*next);
-    } catch (const std::exception& error) {
-      // A removed version, or a store that cannot be read just now: what is served goes on.
-      spdlog::error("{} of the store: {}", version_text(next->first, next->second), error.what());
-      note_failure(*next, shown(error));
-    }
-    try {
-      // Also between loads: whoever asks for one version after the other must neither keep them all
-      // open nor hide what other processes activate.
-      follow_store();
+      follow_store(is_asked_to);
       trouble.clear();
     } catch (const std::exception& error) {
       // Once, not every second.
@@ -352,9 +345,54 @@ void MapCatalog::work(const std::stop_token& stop) {
   }
 }
 
-/// Serves what the store says is active, as soon as it is loaded.
-void MapCatalog::follow_store() {
+/// Prepares one version after the other. @param with_package  those that are here, or those that
+/// must be fetched.
+void MapCatalog::go_on(const std::stop_token& stop, bool with_package,
+                       const std::function<void(const Key&)>& prepare) {
+  while (!stop.stop_requested()) {
+    std::optional<Key> key;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, stop, [&] { return next(with_package).has_value(); });
+      key = next(with_package);
+    }
+    if (stop.stop_requested() || !key) return;
+    try {
+      prepare(*key);
+    } catch (const std::exception& error) {
+      // A removed version, or a store that cannot be read just now: what is served goes on.
+      spdlog::error("{} of the store: {}", version_text(key->first, key->second), error.what());
+      note_failure(*key, loader_.shown(error));
+    }
+    // Whoever asks for one version after the other must not keep them all open.
+    forget_unused();
+  }
+}
+
+/// @param anyway  also when PostgreSQL has told of no change: with many maps and servers, what each
+/// reads every second adds up.
+void MapCatalog::follow_store(bool anyway) {
   const std::scoped_lock what_was_read_holds(follow_mutex_);
+  // Before anything is read: what changes meanwhile is read in the next round.
+  const std::optional<std::int64_t> mark = store_.state().told_mark();
+  if (anyway || !mark || mark != followed_) {
+    followed_.reset();
+    follow_maps();
+    follow_rollouts();
+    follow_sets();
+    // Before the digests: what is opened later may be newer than these.
+    const std::vector<ServedVersion> versions = known_versions();
+    const PackageDigests stored = store_.state().digests();
+    const bool knew_all = notice_replaced(versions, &stored);
+    if (notice_trust(versions, stored) && knew_all) followed_ = mark;
+  } else {
+    (void)notice_replaced(known_versions(), nullptr);
+  }
+  forget_unused();
+}
+
+/// Serves what the store says is active, as soon as it is loaded.
+void MapCatalog::follow_maps() {
   std::map<std::string, StoredMap, std::less<>> wanted;
   for (StoredMap& map : store_.state().maps())
     if (map.active) wanted.emplace(map.name, std::move(map));
@@ -363,29 +401,26 @@ void MapCatalog::follow_store() {
     std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
   }
   for (const auto& [name, map] : wanted) follow(map);
-  follow_rollouts();
-  follow_sets();
-  notice_replaced();
-  notice_trust();
-  forget_unused();
 }
 
 void MapCatalog::follow(const StoredMap& stored) {
   const std::string& map = stored.name;
   const std::string& version = *stored.active;
+  const Key key(map, version);
   {
     const std::scoped_lock lock(mutex_);
     const auto known = active_.find(map);
     if (known != active_.end() && known->second.wanted == version) {
+      // `serve` has done so, unless the store could not be read then.
+      if (slots_.at(key).served.state == MapState::kReady) known->second.serving = version;
       if (known->second.serving == version) known->second.revision = stored.revision;
       return;
     }
   }
-  (void)open({map, version});
+  Slot slot = here(key);
   const std::scoped_lock lock(mutex_);
-  ServedVersion& served = slots_.at({map, version}).served;
-  // One that failed before is tried again, since someone wants it again.
-  if (served.state != MapState::kReady) served.state = MapState::kLoading;
+  want(key, std::move(slot));
+  const ServedVersion& served = slots_.at(key).served;
   Active& active = active_[map];
   active.wanted = version;
   // What is being served goes on until the other is ready; without any, this one is loading.
@@ -394,6 +429,20 @@ void MapCatalog::follow(const StoredMap& stored) {
     active.revision = stored.revision;
   }
   changed_.notify_all();
+}
+
+/// For `want`: open, unless it must be fetched or is known already.
+MapCatalog::Slot MapCatalog::here(const Key& key) const {
+  if (!known(key.first, key.second)) return opened(key, Fetch::kNo);
+  return {.served = {.map = key.first, .version = key.second}};
+}
+
+/// Under the lock: loads it soon. One that failed before is tried again, since someone wants it
+/// again.
+void MapCatalog::want(const Key& key, Slot here) {
+  here.last_use = ++uses_;
+  ServedVersion& served = slots_.try_emplace(key, std::move(here)).first->second.served;
+  if (served.state != MapState::kReady) served.state = MapState::kLoading;
 }
 
 /// Loads what is rolled out, once: one that failed is tried again when it is begun again.
@@ -413,36 +462,54 @@ void MapCatalog::follow_rollouts() {
     rollouts_ = now;
   }
   for (const Key& key : begun) {
-    (void)open(key);
+    Slot slot = here(key);
     const std::scoped_lock lock(mutex_);
-    const auto slot = slots_.find(key);
-    if (slot != slots_.end() && slot->second.served.state != MapState::kReady)
-      slot->second.served.state = MapState::kLoading;
+    want(key, std::move(slot));
   }
   if (!begun.empty()) changed_.notify_all();
 }
 
+std::vector<ServedVersion> MapCatalog::known_versions() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<ServedVersion> versions;
+  versions.reserve(slots_.size());
+  for (const auto& [key, slot] : slots_) versions.push_back(slot.served);
+  return versions;
+}
+
 /// What is open of a package that was damaged is what was damaged: the mended one lies beside it.
-void MapCatalog::notice_replaced() {
-  std::vector<std::pair<Key, std::uint64_t>> open;
-  {
-    const std::scoped_lock lock(mutex_);
-    for (const auto& [key, slot] : slots_) open.emplace_back(key, slot.served.copy);
-  }
-  for (const auto& [key, copy] : open) {
-    const std::uint64_t now = copy_of(store_, key.first, key.second);
+/// @param stored  what the store says now; null while it says what it said before.
+/// @return false when some must be looked at again, since they are being loaded.
+bool MapCatalog::notice_replaced(const std::vector<ServedVersion>& versions,
+                                 const PackageDigests* stored) {
+  bool knew_all = true;
+  for (const ServedVersion& version : versions) {
+    const Key key(version.map, version.version);
+    std::string digest = version.digest;
+    if (stored != nullptr) {
+      const auto found = stored->find(key);
+      digest = found == stored->end() ? "" : found->second;
+    }
+    const std::uint64_t now = digest.empty() ? 0 : store_.copy_of(digest);
     // Removed: `named` does not ask.
     const bool is_gone = now == 0;
-    if (now == copy || (is_gone && !store_.state().is_shared())) continue;
+    if (now == version.copy || (is_gone && !store_.state().is_shared())) continue;
     const std::scoped_lock lock(mutex_);
     const auto slot = slots_.find(key);
-    if (slot == slots_.end() || slot->second.served.state == MapState::kLoading) continue;
+    if (slot == slots_.end()) continue;
+    // The second: it was opened again since.
+    if (slot->second.served.state == MapState::kLoading ||
+        slot->second.served.copy != version.copy) {
+      knew_all = false;
+      continue;
+    }
     if (!is_served(key) && !is_rolled_out(key))
       slots_.erase(slot);
     else if (!is_gone)
       slot->second.replaced = true;
     changed_.notify_all();
   }
+  return knew_all;
 }
 
 std::string MapCatalog::distrust_of(std::string_view map, std::string_view version) const {
@@ -454,113 +521,124 @@ std::string MapCatalog::distrust_of(std::string_view map, std::string_view versi
   }
 }
 
-/// Keys and signatures may come and go while versions are served.
-void MapCatalog::notice_trust() {
-  std::vector<Key> open;
-  {
-    const std::scoped_lock lock(mutex_);
-    for (const auto& [key, slot] : slots_) open.push_back(key);
+/// Keys and signatures may come and go while versions are served. @return as `notice_replaced`.
+bool MapCatalog::notice_trust(const std::vector<ServedVersion>& versions,
+                              const PackageDigests& stored) {
+  PackageDigests open;
+  for (const ServedVersion& version : versions) {
+    const auto found = stored.find({version.map, version.version});
+    if (found != stored.end()) open.insert(*found);
   }
-  for (const Key& key : open) {
-    const std::string why = distrust_of(key.first, key.second);
+  const auto refused = store_.not_signed(open);
+  bool knew_all = true;
+  for (const ServedVersion& version : versions) {
+    const Key key(version.map, version.version);
+    const auto why = refused.find(key);
+    const bool is_untrusted = why != refused.end();
     const std::scoped_lock lock(mutex_);
     const auto found = slots_.find(key);
-    if (found == slots_.end() || found->second.is_untrusted == !why.empty()) continue;
+    if (found == slots_.end()) continue;
     Slot& slot = found->second;
-    if (slot.served.state == MapState::kLoading) continue;
-    slot.is_untrusted = !why.empty();
-    if (slot.is_untrusted && slot.served.state == MapState::kReady) {
-      spdlog::error("{}", why);
+    if (slot.served.state == MapState::kLoading) knew_all = false;
+    if (slot.served.state == MapState::kLoading || slot.is_untrusted == is_untrusted) continue;
+    slot.is_untrusted = is_untrusted;
+    if (is_untrusted && slot.served.state == MapState::kReady) {
+      spdlog::error("{}", why->second);
       slot.served.state = MapState::kFailed;
-      slot.served.failure = why;
-    } else if (!slot.is_untrusted && slot.served.state == MapState::kFailed) {
+      slot.served.failure = why->second;
+    } else if (!is_untrusted && slot.served.state == MapState::kFailed) {
       slot.served.state = MapState::kLoading;
       changed_.notify_all();
     }
   }
-}
-
-/// As clients are told, health without a key too: places of this machine stay in the log.
-std::string MapCatalog::shown(const std::exception& error) const {
-  return without_places(error.what(), store_);
+  return knew_all;
 }
 
 /// @throws StoreRefusal when the store knows no such version.
-MapCatalog::Slot MapCatalog::opened(const Key& key) const {
-  Slot slot{.served = {.map = key.first, .version = key.second}};
-  slot.served.copy = store_.copy_of(key.first, key.second);
-  try {
-    slot.served.package = store_.open(key.first, key.second);
-  } catch (const StoreRefusal&) {
-    throw;
-  } catch (const std::exception& error) {
-    spdlog::error("{} cannot be opened: {}", version_text(key.first, key.second), error.what());
-    slot.served.state = MapState::kFailed;
-    slot.served.failure = shown(error);
-    // What cannot be fetched now may be fetched soon: it is opened again, as if it were another
-    // one.
-    if (store_.blobs() != nullptr) slot.served.copy = 0;
-  }
-  return slot;
+MapCatalog::Slot MapCatalog::opened(const Key& key, Fetch fetch) const {
+  return {.served = loader_.opened(key.first, key.second, fetch)};
 }
 
 MapCatalog::Slot MapCatalog::open(const Key& key) {
   {
     const std::scoped_lock lock(mutex_);
     const auto found = slots_.find(key);
-    if (found != slots_.end()) {
+    if (found != slots_.end() &&
+        (found->second.served.package || found->second.served.state == MapState::kFailed)) {
       found->second.last_use = ++uses_;
       return found->second;
     }
   }
-  Slot slot = opened(key);
+  return fetch(key);
+}
+
+/// Opens a version that is not open, wherever its package is. Under no lock: it may take minutes.
+MapCatalog::Slot MapCatalog::fetch(const Key& key) {
+  Slot slot = opened(key, Fetch::kYes);
+  const bool is_here = slot.served.package != nullptr;
+  if (!is_here && metrics_ != nullptr) metrics_->map_load_failed(key.first);
   const std::scoped_lock lock(mutex_);
   slot.last_use = ++uses_;
-  return slots_.try_emplace(key, std::move(slot)).first->second;
+  const auto [found, is_new] = slots_.try_emplace(key, slot);
+  Slot& now = found->second;
+  // Perhaps another one was faster.
+  if (is_new || now.served.package) return now;
+  // Someone has asked for more than its package.
+  if (is_here) slot.served.state = MapState::kLoading;
+  slot.was_damaged = now.was_damaged;
+  now = std::move(slot);
+  changed_.notify_all();
+  return now;
 }
 
 /// Makes a version ready, unless it is. One that failed is tried again: the disk may be well. One
 /// whose package was replaced serves as it is when the other cannot be used.
 ServedVersion MapCatalog::load(const Key& key) {
+  ServedVersion loaded = load_once(key);
+  return loaded.state == MapState::kLoading ? load_once(key) : loaded;
+}
+
+/// The same. One that was damaged in the cache is loading afterwards, without a package, once.
+ServedVersion MapCatalog::load_once(const Key& key) {
+  // What is fetched holds up no other one that is here.
+  if (const auto now = known(key.first, key.second); !now || !now->package) (void)fetch(key);
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto now = slots_.find(key);
+    if (now != slots_.end() && now->second.served.state == MapState::kReady &&
+        !now->second.replaced)
+      return now->second.served;
+  }
   const std::scoped_lock one_at_a_time(load_mutex_);
   const Slot before = open(key);
   Slot slot = before;
   const bool usable = before.served.state == MapState::kReady;
   if (usable && !before.replaced) return before.served;
-  if (!before.served.package || before.replaced) slot = opened(key);
+  if (before.served.package && before.replaced) slot = opened(key, Fetch::kYes);
   const std::uint64_t tried = slot.served.copy;
-  if (slot.served.package) make_ready(slot.served);
-  if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
-    metrics_->map_load_failed(key.first);
+  if (slot.served.package) {
+    loader_.make_ready(slot.served);
+    const bool is_damaged = slot.served.state == MapState::kLoading;
+    if (is_damaged && slot.was_damaged) {
+      slot.served.state = MapState::kFailed;
+      slot.served.failure = kDamagedAgain;
+    }
+    slot.was_damaged = is_damaged;
+    slot.is_untrusted =
+        slot.served.state == MapState::kFailed && !distrust_of(key.first, key.second).empty();
+    if (metrics_ != nullptr && slot.served.state == MapState::kFailed)
+      metrics_->map_load_failed(key.first);
+  }
   if (usable && slot.served.state == MapState::kFailed) {
     // The copy that failed is not tried again.
     slot.served = before.served;
     slot.served.copy = tried;
   }
   const std::scoped_lock lock(mutex_);
+  slot.replaced = false;
   slot.last_use = ++uses_;
+  changed_.notify_all();
   return slots_.insert_or_assign(key, std::move(slot)).first->second.served;
-}
-
-void MapCatalog::make_ready(ServedVersion& version) const {
-  const auto begin = std::chrono::steady_clock::now();
-  version.failure.clear();
-  try {
-    store_.require_signed(version.map, version.version);
-    version.localization = localization_options_of(options_folder_, version.map);
-    version.aligners =
-        std::make_shared<const Aligners>(builder_(*version.package, version.localization));
-    version.seen_from = std::make_shared<SeenFrom>();
-    version.state = MapState::kReady;
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-    if (metrics_ != nullptr) metrics_->map_loaded(version.map, took.count());
-    spdlog::info("{} is ready", version_text(version.map, version.version));
-  } catch (const std::exception& error) {
-    version.state = MapState::kFailed;
-    version.failure = shown(error);
-    spdlog::error("{} cannot be used: {}", version_text(version.map, version.version),
-                  error.what());
-  }
 }
 
 /// Under no lock: `key` is loaded, and serves from now on if the store wants it.
@@ -578,6 +656,8 @@ void MapCatalog::note_failure(const Key& key, const std::string& why) {
   const std::scoped_lock lock(mutex_);
   const auto slot = slots_.find(key);
   if (slot == slots_.end()) return;
+  slot->second.replaced = false;
+  if (slot->second.served.state == MapState::kReady) return;
   slot->second.served.state = MapState::kFailed;
   slot->second.served.failure = why;
 }
@@ -594,15 +674,20 @@ void MapCatalog::forget_unused() {
   for (std::size_t i = 0; i + kKeptOpen < unused.size(); ++i) slots_.erase(unused[i].second);
 }
 
-/// Under the lock. Active versions come before those that someone looks at.
-std::optional<MapCatalog::Key> MapCatalog::next_to_load() const {
-  std::optional<Key> other;
+/// Under the lock. Active versions come before those that someone looks at, and what is new before
+/// what is tried again.
+std::optional<MapCatalog::Key> MapCatalog::next(bool with_package) const {
+  std::optional<Key> best;
+  int best_rank = -1;
   for (const auto& [key, slot] : slots_) {
-    if (slot.served.state != MapState::kLoading && !slot.replaced) continue;
-    if (is_served(key)) return key;
-    if (!other) other = key;
+    const bool is_new = slot.served.state == MapState::kLoading;
+    if ((!is_new && !slot.replaced) || (slot.served.package != nullptr) != with_package) continue;
+    const int rank = (is_served(key) ? 2 : 0) + (is_new ? 1 : 0);
+    if (rank <= best_rank) continue;
+    best = key;
+    best_rank = rank;
   }
-  return other;
+  return best;
 }
 
 /// Under the lock.

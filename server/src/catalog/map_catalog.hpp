@@ -1,19 +1,15 @@
 #pragma once
 
-#include "catalog/aligners.hpp"
+#include "catalog/served_version.hpp"
 #include "catalog/version_facts.hpp"
+#include "catalog/version_loader.hpp"
 #include "metrics/metrics.hpp"
 
 #include "store/package_store.hpp"
 
-#include <Eigen/Geometry>
-
-#include <algorithm>
-#include <cmath>
 #include <condition_variable>
 #include <cstdint>
-#include <exception>
-#include <limits>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -26,82 +22,14 @@
 
 namespace stillmap::server {
 
-enum class MapState : std::uint8_t {
-  kOpened,   ///< its points can be read; nobody has asked for poses
-  kLoading,  ///< its aligners are being made
-  kReady,
-  kFailed,
-};
-
-/// `localization::seen_from`, read when somebody asks first: loading a map does not wait for its
-/// trajectories. Safe from several threads.
-class SeenFrom {
- public:
-  /// @throws maps::InputError, maps::StorageError: the package may have been removed meanwhile.
-  [[nodiscard]] const std::vector<Eigen::Isometry3d>& poses(const maps::MapPackage& map) {
-    read(map);
-    return T_map_lidar_;
-  }
-  /// Distance from a place to the nearest of them [m], to half a metre; infinite without any.
-  /// @throws as `poses`.
-  [[nodiscard]] double distance_m(const maps::MapPackage& map, const Eigen::Vector3d& p_map) {
-    read(map);
-    double nearest_m2 = std::numeric_limits<double>::infinity();
-    for (const Eigen::Vector3d& place : p_map_places_)
-      nearest_m2 = std::min(nearest_m2, (place - p_map).squaredNorm());
-    return std::sqrt(nearest_m2);
-  }
-
- private:
-  void read(const maps::MapPackage& map) {
-    constexpr double kApartM = 0.5;
-    std::call_once(once_, [&] {
-      T_map_lidar_ = localization::seen_from(map);
-      for (const Eigen::Isometry3d& T : T_map_lidar_)
-        if (p_map_places_.empty() || (T.translation() - p_map_places_.back()).norm() > kApartM)
-          p_map_places_.push_back(T.translation());
-    });
-  }
-
-  std::once_flag once_;
-  std::vector<Eigen::Isometry3d> T_map_lidar_;
-  /// Without those where the vehicle stood.
-  std::vector<Eigen::Vector3d> p_map_places_;
-};
-
-/// One version of a map as requests see it. Its tiles stay usable while it is held, whatever
-/// becomes of the version meanwhile.
-struct ServedVersion {
-  std::string map;
-  std::string version;
-  /// Null only when it failed to open.
-  std::shared_ptr<const maps::MapPackage> package{};
-  /// As of `PackageStore::copy_of`, before it was opened: what was made of a damaged copy is not
-  /// what a mended one makes.
-  std::uint64_t copy = 0;
-  /// The map's, when this was found to be what it serves; 0 for a version that was asked for by
-  /// its name.
-  std::int64_t revision = 0;
-  MapState state = MapState::kOpened;
-  /// Why it failed; empty otherwise.
-  std::string failure{};
-  /// How scans are localized in it, filled when ready.
-  localization::LocalizationOptions localization{};
-  /// Filled when ready. Last: they use the package.
-  std::shared_ptr<const Aligners> aligners{};
-  /// When ready.
-  std::shared_ptr<SeenFrom> seen_from{};
-
-  /// Names what it holds, as no other content and no other copy of it does.
-  [[nodiscard]] std::string content() const {
-    return package->digest() + "@" + std::to_string(copy);
-  }
-};
-
-/// Versions of the store's maps, open and, once a thread of its own has prepared them, with their
-/// aligners: the active ones and those that are rolled out always, others when they are asked for.
-/// Queries keep the version they began with. Notices within a second or two what other processes
-/// activate, and when a damaged package is replaced. Safe from several threads.
+/// Versions of the store's maps, open and, once they have been prepared, with their aligners: the
+/// active ones and those that are rolled out always, others when they are asked for. Queries keep
+/// the version they began with.
+///
+/// One thread follows the store: it notices within a second or two what other processes activate
+/// and halt, and when a damaged package is replaced. Another one fetches packages that lie
+/// elsewhere, and a third makes aligners. So neither a slow S3 nor a large map keeps this from
+/// following, nor a slow S3 from loading what is here. Safe from several threads.
 class MapCatalog {
  public:
   /// @param store  outlives this. @param metrics  counts loads when there; outlives this.
@@ -119,10 +47,12 @@ class MapCatalog {
   /// another is.
   [[nodiscard]] std::vector<ServedVersion> waiting() const;
   /// The version that is served of a map.
-  /// @throws ApiError kNoActiveVersion, kMapUnusable; StoreRefusal kUnknownMap.
+  /// @throws ApiError kNoActiveVersion, kMapUnusable, kMapLoading while it is being fetched;
+  /// StoreRefusal kUnknownMap.
   [[nodiscard]] ServedVersion find(std::string_view map) const;
-  /// Any version that the store has now, opened when it is not yet.
-  /// @throws ApiError kMapUnusable; StoreRefusal kUnknownMap, kUnknownVersion.
+  /// Any version that the store has now, fetched and opened when it is not yet.
+  /// @throws ApiError kMapUnusable, kMapLoading while another one fetches it; StoreRefusal
+  /// kUnknownMap, kUnknownVersion.
   [[nodiscard]] ServedVersion find(std::string_view map, std::string_view version);
 
   /// As it is now, without opening it; nothing when it is not open.
@@ -183,11 +113,14 @@ class MapCatalog {
 
  private:
   using Key = std::pair<std::string, std::string>;  // map, version
+  using Fetch = VersionLoader::Fetch;
   struct Slot {
     ServedVersion served;
     std::uint64_t last_use = 0;
     /// The store has another copy now, which must be loaded.
     bool replaced = false;
+    /// It was removed from the cache, because it was damaged there, and fetched again.
+    bool was_damaged = false;
     /// No trusted key has signed it.
     bool is_untrusted = false;
   };
@@ -199,38 +132,45 @@ class MapCatalog {
     std::int64_t revision = 0;
   };
 
-  void work(const std::stop_token& stop);
-  void follow_store();
+  void go_on_following(const std::stop_token& stop);
+  void follow_store(bool anyway = true);
+  void follow_maps();
   void follow(const StoredMap& stored);
   void require_revision(const ServedVersion& served, std::int64_t seen_revision);
   void follow_rollouts();
   void follow_sets();
   void require_one_frame(const ServedVersion& present, const ServedVersion& next) const;
   void require_no_set(const ServedVersion& present, const ServedVersion& next) const;
-  void notice_replaced();
+  [[nodiscard]] std::vector<ServedVersion> known_versions() const;
+  bool notice_replaced(const std::vector<ServedVersion>& versions, const PackageDigests* stored);
   [[nodiscard]] ServedVersion named(std::string_view map, std::string_view version);
-  void notice_trust();
-  [[nodiscard]] std::string shown(const std::exception& error) const;
-  [[nodiscard]] Slot opened(const Key& key) const;
+  bool notice_trust(const std::vector<ServedVersion>& versions, const PackageDigests& stored);
+  [[nodiscard]] Slot here(const Key& key) const;
+  void want(const Key& key, Slot here);
+  [[nodiscard]] Slot opened(const Key& key, Fetch fetch) const;
   Slot open(const Key& key);
+  Slot fetch(const Key& key);
   ServedVersion load(const Key& key);
-  void make_ready(ServedVersion& version) const;
+  ServedVersion load_once(const Key& key);
+  void go_on(const std::stop_token& stop, bool with_package,
+             const std::function<void(const Key&)>& prepare);
   void serve(const Key& key);
   void note_failure(const Key& key, const std::string& why);
   void forget_unused();
-  [[nodiscard]] std::optional<Key> next_to_load() const;
+  [[nodiscard]] std::optional<Key> next(bool with_package) const;
   [[nodiscard]] bool is_served(const Key& key) const;
   [[nodiscard]] bool is_rolled_out(const Key& key) const;
 
   PackageStore& store_;
   VersionFactsTable facts_;
-  AlignerBuilder builder_;
-  std::filesystem::path options_folder_;
+  VersionLoader loader_;
   Metrics* metrics_;
   /// One version is made ready at a time.
   std::mutex load_mutex_;
   /// Held from reading what the store says is active until that is served. Before `mutex_`.
   std::mutex follow_mutex_;
+  /// `StoreState::told_mark` before all of the store was read last. Under `follow_mutex_`.
+  std::optional<std::int64_t> followed_;
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
   bool store_changed_ = false;
@@ -239,7 +179,7 @@ class MapCatalog {
   std::map<std::string, Active, std::less<>> active_;
   std::map<std::string, Rollout, std::less<>> rollouts_;
   std::vector<MapSet> sets_;
-  std::jthread thread_;  // last: it uses all of the above
+  std::jthread following_, fetching_, loading_;  // last: they use all of the above
 };
 
 }  // namespace stillmap::server

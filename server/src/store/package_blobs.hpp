@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,8 +39,15 @@ class PackageBlobs {
   /// Brings a package to the local disk.
   /// @throws also InputError for bytes that are not what their names say.
   [[nodiscard]] virtual Local bring(const std::string& digest) = 0;
+  /// The same of one that is there already; nothing when it must be fetched.
+  [[nodiscard]] virtual std::optional<Local> find_local(const std::string& digest) const = 0;
+  /// Compares what lies of a package on the local disk with its checksums: all of it is read. What
+  /// is wrong is removed, so that `bring` fetches it again. @return whether anything was wrong.
+  virtual bool drop_damaged(const std::string& digest) = 0;
   /// The manifest alone.
   [[nodiscard]] virtual maps::MapManifest manifest(const std::string& digest) = 0;
+  /// The same for those who can do without it: one try of a few seconds for all that ask.
+  [[nodiscard]] virtual maps::MapManifest manifest_if_near(const std::string& digest) = 0;
   /// Puts one file to a new path below the folder of `packages`.
   virtual void bring_file(const maps::MapManifest::File& file, const std::filesystem::path& to) = 0;
 

@@ -69,6 +69,12 @@ std::vector<MapSignature> checked(std::vector<MapSignature> signatures, std::str
   return signatures;
 }
 
+std::string not_signed_text(std::string_view map, const std::string& version,
+                            const std::string& digest) {
+  return "no trusted key has signed version '" + version + "' of map '" + std::string(map) + "' (" +
+         digest + "): sign it with `stillmap keys sign`, or add its key to trusted_keys_file";
+}
+
 /// When a file in a folder was read or written last; what the disk does not tell is new.
 std::int64_t last_use_ns(const fs::path& folder) {
   constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -222,11 +228,22 @@ void PackageStore::require_trust(std::string_view map, const StoredVersion& vers
   if (!keys || is_signed_by(*keys, version.signatures, map, version.digest) ||
       is_signed_by(*keys, state_->signatures().of(map, version.digest), map, version.digest))
     return;
-  throw StoreRefusal(
-      StoreRefusal::Reason::kNotSigned,
-      "no trusted key has signed version '" + version.name + "' of map '" + std::string(map) +
-          "' (" + version.digest +
-          "): sign it with `stillmap keys sign`, or add its key to trusted_keys_file");
+  throw StoreRefusal(StoreRefusal::Reason::kNotSigned,
+                     not_signed_text(map, version.name, version.digest));
+}
+
+std::map<std::pair<std::string, std::string>, std::string> PackageStore::not_signed(
+    const PackageDigests& versions) const {
+  std::map<std::pair<std::string, std::string>, std::string> refused;
+  const std::optional<PublicKeys> keys = trust();
+  if (!keys) return refused;
+  const auto signatures = state_->signatures().all();
+  for (const auto& [name, digest] : versions) {
+    const auto found = signatures.find({name.first, digest});
+    if (found == signatures.end() || !is_signed_by(*keys, found->second, name.first, digest))
+      refused.emplace(name, not_signed_text(name.first, name.second, digest));
+  }
+  return refused;
 }
 
 void PackageStore::check_quota(std::string_view map, std::uint64_t more_bytes,
@@ -284,13 +301,18 @@ std::shared_ptr<const maps::MapPackage> PackageStore::open(std::string_view map,
 
 maps::MapManifest PackageStore::manifest(std::string_view map, std::string_view version) const {
   const std::string digest = state_->version(map, version).digest;
-  if (blobs_) return blobs_->manifest(digest);
+  if (blobs_) return blobs_->manifest_if_near(digest);
   return maps::MapPackage::open(packages_.path_of(digest))->manifest();
 }
 
 PackageBlobs::Local PackageStore::local(const std::string& digest) const {
   if (blobs_) return blobs_->bring(digest);
   return {packages_.path_of(digest), nullptr};
+}
+
+std::optional<PackageBlobs::Local> PackageStore::find_local(const std::string& digest) const {
+  if (blobs_) return blobs_->find_local(digest);
+  return local(digest);
 }
 
 std::string PackageStore::damage_of(const std::string& digest,
@@ -326,11 +348,11 @@ std::unique_ptr<PackageFolder::Incoming> PackageStore::begin_incoming(
   return std::make_unique<PackageFolder::Incoming>(packages_, files);
 }
 
-std::uint64_t PackageStore::copy_of(std::string_view map, std::string_view version) const {
-  struct stat found {};
-  const fs::path folder = packages_.path_of(state_->version(map, version).digest);
+std::uint64_t PackageStore::copy_of(const std::string& digest) const {
   // A damaged one does not come to the local disk.
   if (blobs_) return 1;
+  struct stat found {};
+  const fs::path folder = packages_.path_of(digest);
   return ::stat(folder.c_str(), &found) == 0 ? static_cast<std::uint64_t>(found.st_ino) : 0;
 }
 

@@ -90,6 +90,9 @@ class PackageStore {
   void set_trust(const std::optional<PublicKeys>& keys);
   /// @throws StoreRefusal kNotSigned; kUnknownMap and kUnknownVersion where keys are set.
   void require_signed(std::string_view map, std::string_view version) const;
+  /// Of these versions those that it would refuse, and why.
+  [[nodiscard]] std::map<std::pair<std::string, std::string>, std::string> not_signed(
+      const PackageDigests& versions) const;
   /// Whether so many bytes may come, of a drive or of what becomes a package.
   /// @param waiting  counts as if it were there. @throws StoreRefusal kOverQuota, kDiskReserve.
   void check_quota(std::string_view map, std::uint64_t more_bytes,
@@ -111,14 +114,17 @@ class PackageStore {
   [[nodiscard]] std::shared_ptr<const maps::MapPackage> open(std::string_view map,
                                                              std::string_view version) const;
 
-  /// Its manifest, without the rest of the package. @throws as `open`.
+  /// Its manifest, without the rest of the package. Waits for S3 a few seconds only.
+  /// @throws as `open`.
   [[nodiscard]] maps::MapManifest manifest(std::string_view map, std::string_view version) const;
   /// A package on the local disk, brought there if it is elsewhere.
   [[nodiscard]] PackageBlobs::Local local(const std::string& digest) const;
+  /// The same of one that need not be fetched; nothing when it must be.
+  [[nodiscard]] std::optional<PackageBlobs::Local> find_local(const std::string& digest) const;
 
-  /// Tells one copy of a version's package from another: changes when a damaged one is replaced.
-  /// 0 when there is none. @throws StoreRefusal kUnknownMap, kUnknownVersion.
-  [[nodiscard]] std::uint64_t copy_of(std::string_view map, std::string_view version) const;
+  /// Tells one copy of a package from another: changes when a damaged one is replaced. 0 when there
+  /// is none.
+  [[nodiscard]] std::uint64_t copy_of(const std::string& digest) const;
 
   struct Added {
     StoredVersion version;

@@ -27,6 +27,15 @@ std::vector<MapSignature> SignatureTable::of(std::string_view map, std::string_v
   return signatures_of(reading.database(), map, digest);
 }
 
+std::map<std::pair<std::string, std::string>, std::vector<MapSignature>> SignatureTable::all()
+    const {
+  const StoreDatabase::Reading reading(*database_);
+  Statement row(reading.database(), "SELECT map, package, key, signature FROM signatures");
+  std::map<std::pair<std::string, std::string>, std::vector<MapSignature>> all;
+  while (row.step()) all[std::pair(row.text(0), row.text(1))].push_back({row.text(2), row.text(3)});
+  return all;
+}
+
 void SignatureTable::add(std::string_view map, std::string_view digest,
                          const std::vector<MapSignature>& signatures) {
   // A mirror says the same again and again.

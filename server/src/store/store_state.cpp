@@ -170,6 +170,8 @@ std::shared_ptr<void> StoreState::lock_of_packages() const {
 
 bool StoreState::is_shared() const { return !inner_->database.is_sqlite(); }
 
+std::optional<std::int64_t> StoreState::told_mark() const { return inner_->database.told_mark(); }
+
 KeyTable& StoreState::keys() { return inner_->keys; }
 JobTable& StoreState::jobs() { return inner_->jobs; }
 DriveTable& StoreState::drives() { return inner_->drives; }
@@ -224,6 +226,14 @@ std::optional<std::string> StoreState::retired(std::string_view map,
                                                std::string_view version) const {
   const Reading reading(inner_->database);
   return retired_digest(reading.database(), map, version);
+}
+
+PackageDigests StoreState::digests() const {
+  const Reading reading(inner_->database);
+  Statement row(reading.database(), "SELECT map, name, digest FROM versions");
+  PackageDigests digests;
+  while (row.step()) digests.emplace(std::pair(row.text(0), row.text(1)), row.text(2));
+  return digests;
 }
 
 bool StoreState::uses(std::string_view digest) const {

@@ -22,6 +22,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace stillmap::server {
@@ -62,6 +63,9 @@ struct StoredMap {
   auto operator<=>(const StoredMap&) const = default;
 };
 
+/// Digests of packages by map and version.
+using PackageDigests = std::map<std::pair<std::string, std::string>, std::string>;
+
 /// What removing a map does when one of its versions is active.
 enum class WhenActive : std::uint8_t { kRefuse, kRemove };
 
@@ -93,6 +97,8 @@ class StoreState {
   [[nodiscard]] std::shared_ptr<void> lock_of_packages() const;
   /// Whether servers with folders of their own may share it.
   [[nodiscard]] bool is_shared() const;
+  /// As `StoreDatabase::told_mark`: while it stays the same, all that can be read stays the same.
+  [[nodiscard]] std::optional<std::int64_t> told_mark() const;
   /// Why it is in memory only; empty when it is not.
   [[nodiscard]] const std::string& read_only_because() const;
 
@@ -110,6 +116,8 @@ class StoreState {
   /// The package of a removed version of that name, by digest: the name is good for no other.
   [[nodiscard]] std::optional<std::string> retired(std::string_view map,
                                                    std::string_view version) const;
+  /// Digests of the packages of all versions, by map and version.
+  [[nodiscard]] PackageDigests digests() const;
   /// Whether any version of any map holds this package.
   [[nodiscard]] bool uses(std::string_view digest) const;
   /// The digest by which a package goes now: another one after it was migrated.

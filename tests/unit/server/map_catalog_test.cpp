@@ -1,7 +1,10 @@
 #include "catalog/map_catalog.hpp"
 
+#include "blobs/s3_packages.hpp"
 #include "errors/api_error.hpp"
 #include "service_fixture.hpp"
+#include "support/disk_calls.hpp"
+#include "support/memory_s3.hpp"
 #include "support/stored_packages.hpp"
 
 #include <gmock/gmock.h>
@@ -412,6 +415,136 @@ TEST_F(MapCatalogTest, ManyThreadsSeeOneVersionOrTheOther) {
   second.join();
   EXPECT_EQ(wrong, 0);
   EXPECT_EQ(store_.state().map("town").revision, 31);
+}
+
+/// Two servers on one store whose packages are in S3, each with a cache. The first one publishes
+/// and activates, the second one follows.
+class FollowedFromS3 : public MapCatalogTest {
+ protected:
+  FollowedFromS3() {
+    first_.add("town", "v1", folder_.path() / "package1");
+    first_.add("town", "v2", folder_.path() / "package2");
+    first_.activate("town", "v1");
+    follow();
+    wait([&] { return catalog_->active().at(0).state == MapState::kReady; });
+    first_.activate("town", "v2");
+    wait([&] { return served() == "v2"; });
+  }
+  void TearDown() override {
+    second_.blobs()->stop();
+    catalog_.reset();
+  }
+  std::unique_ptr<PackageBlobs> blobs(const std::string& cache) {
+    const auto key =
+        folder_.write("key", "aws_access_key_id=test:tester\naws_secret_access_key=testing\n");
+    std::filesystem::permissions(key, std::filesystem::perms::owner_read);
+    S3PackagesOptions options;
+    options.s3 = {.endpoint = s3_.url(), .bucket = "maps", .credentials_file = key};
+    options.s3.retry = {.attempts = 2, .first_pause = std::chrono::milliseconds(1)};
+    options.cache.folder = folder_.path() / cache;
+    return std::make_unique<S3Packages>(options, calls_);
+  }
+  /// Starts the second server, anew.
+  void follow() {
+    catalog_.reset();
+    catalog_.emplace(second_, [this](const auto& map, const auto&) {
+      if (is_refused_ || !map.verify().empty())
+        throw maps::InputError("a tile", "another SHA-256", "what the manifest says");
+      return builder_.build(map);
+    });
+  }
+  /// A map whose package the second server has to fetch.
+  void activate_field() {
+    test::write_package(folder_.path() / "field", 3);
+    first_.add("field", "v1", folder_.path() / "field");
+    first_.activate("field", "v1");
+  }
+  MapState state_of(const std::string& map) {
+    for (const ServedVersion& each : catalog_->active())
+      if (each.map == map) return each.state;
+    return MapState::kOpened;
+  }
+
+  std::atomic<bool> is_refused_ = false;
+  test::UnsyncedCalls calls_;
+  test::MemoryS3 s3_;
+  test::TemporaryFolder s3_store_{test::memory_folder()};
+  PackageStore first_{s3_store_.path(), calls_, blobs("first")};
+  PackageStore second_{s3_store_.path(), calls_, blobs("second")};
+};
+
+TEST_F(FollowedFromS3, FollowsOtherMapsWhileAMapIsFetched) {
+  {
+    catalog_.reset();
+    activate_field();
+    const std::scoped_lock nothing_comes(s3_.mutex);
+    follow();
+    wait([&] { return state_of("town") == MapState::kReady; });
+    EXPECT_EQ(code_of([&] { (void)catalog_->ready("field", {}); }), ErrorCode::kMapLoading);
+    EXPECT_EQ(code_of([&] { (void)catalog_->find("field", "v1"); }), ErrorCode::kMapLoading);
+    // Its package is in the cache.
+    first_.roll_back("town");
+    wait([&] { return served() == "v1"; });
+    // Asked of this server, too.
+    catalog_->activate("town", "v2", {}, true);
+    EXPECT_EQ(served(), "v2");
+    EXPECT_EQ(state_of("field"), MapState::kLoading);
+  }
+  wait([&] { return state_of("field") == MapState::kReady; });
+  EXPECT_EQ(catalog_->ready("field", {}).version, "v1");
+}
+
+TEST_F(FollowedFromS3, FetchesWhatIsDamagedInItsCacheAgain) {
+  catalog_.reset();
+  const std::size_t fetched = s3_.asked("GET").size();
+  const auto package = folder_.path() / "second" / "packages" / digests_[2];
+  std::fstream(package / test::pack_of(package), std::ios::in | std::ios::out | std::ios::binary)
+      .seekp(33)
+      .put('\x55');
+  follow();
+  wait([&] { return state_of("town") == MapState::kReady; });
+  EXPECT_THAT(catalog_->find("town").package->verify(), IsEmpty());
+  EXPECT_EQ(s3_.asked("GET").size(), fetched + 1) << "the others are as they were";
+}
+
+TEST_F(FollowedFromS3, DoesNotWaitForS3WithFactsOfEachVersion) {
+  for (int n = 3; n <= 5; ++n) {
+    digests_[n] = test::write_package(folder_.path() / ("package" + std::to_string(n)), n);
+    first_.add("town", "v" + std::to_string(n), folder_.path() / ("package" + std::to_string(n)));
+  }
+  const VersionFactsTable facts(second_);
+  s3_.set_away(true);
+  const std::size_t asked = s3_.asked("GET").size();
+  const auto version = [&](const char* name) { return second_.state().version("town", name); };
+  for (const char* name : {"v3", "v4", "v5", "v3"})
+    EXPECT_THROW((void)facts.of("town", version(name)), maps::StorageError) << name;
+  EXPECT_EQ(s3_.asked("GET").size(), asked + 1);
+  EXPECT_NO_THROW((void)facts.of("town", version("v1"))) << "is in the cache";
+}
+
+TEST_F(FollowedFromS3, SaysWhatIsLeftToDoWhenItsCacheIsWhole) {
+  const std::size_t fetched = s3_.asked("GET").size();
+  is_refused_ = true;
+  follow();
+  wait([&] { return state_of("town") == MapState::kFailed; });
+  EXPECT_THAT(catalog_->active().front().failure, HasSubstr("delete the cache"));
+  EXPECT_EQ(s3_.asked("GET").size(), fetched);
+}
+
+TEST_F(MapCatalogTest, FollowsOtherMapsWhileAMapIsLoaded) {
+  start();
+  test::write_package(folder_.path() / "field", 3);
+  store_.add("field", "v1", folder_.path() / "field");
+  const std::string field = store_.state().version("field", "v1").digest;
+  catalog_->activate("town", "v2", {}, true);
+  builder_.set_held(field, true);
+  store_.activate("field", "v1");
+  wait([&] { return builder_.built(field) == 1; });
+  store_.roll_back("town");
+  wait([&] { return served() == "v1"; });
+  store_.remove_map("field", WhenActive::kRemove);
+  wait([&] { return catalog_->active().size() == 1; });
+  builder_.set_held(field, false);
 }
 
 }  // namespace map_catalog_test

@@ -289,6 +289,20 @@ TEST_F(S3ClientTest, LargeFilesGoInParts) {
             "</CompleteMultipartUpload>");
 }
 
+TEST_F(S3ClientTest, ALargeFileOfOtherBytesIsNotStored) {
+  options_.part_bytes = std::uint64_t{5} << 20U;
+  const fs::path file = folder_.write("large", std::string(std::size_t{6} << 20U, 'x'));
+  server_.add({.body = "<X><UploadId>1</UploadId></X>"});
+  server_.add({.headers = {"ETag: \"one\""}});
+  server_.add({.headers = {"ETag: \"two\""}});
+  server_.add({.status = 204});
+  EXPECT_THAT([&] { client().put_file("blob", file, maps::sha256_of("y")); },
+              ThrowsSaying<maps::StorageError>({file.string(), maps::sha256_of("y"), "read the"}));
+  ASSERT_EQ(server_.asked().size(), 4U);
+  EXPECT_EQ(server_.asked()[3].method, "DELETE");
+  EXPECT_EQ(server_.asked()[3].target, "/maps/fleet/blob?uploadId=1");
+}
+
 TEST_F(S3ClientTest, PartsOfAFailedUploadAreRemoved) {
   options_.part_bytes = std::uint64_t{5} << 20U;
   const fs::path file = folder_.write("large", std::string(std::size_t{6} << 20U, 'x'));
@@ -302,13 +316,14 @@ TEST_F(S3ClientTest, PartsOfAFailedUploadAreRemoved) {
 
 TEST_F(S3ClientTest, AnErrorBehindA200IsAnError) {
   options_.part_bytes = std::uint64_t{5} << 20U;
-  const fs::path file = folder_.write("large", std::string(std::size_t{6} << 20U, 'x'));
+  const std::string bytes(std::size_t{6} << 20U, 'x');
+  const fs::path file = folder_.write("large", bytes);
   server_.add({.body = "<X><UploadId>1</UploadId></X>"});
   server_.add({.headers = {"ETag: \"one\""}});
   server_.add({.headers = {"ETag: \"two\""}});
   server_.add(error(200, "EntityTooSmall"));
   server_.add({.status = 204});
-  EXPECT_THAT([&] { client().put_file("blob", file, maps::sha256_of("")); },
+  EXPECT_THAT([&] { client().put_file("blob", file, maps::sha256_of(bytes)); },
               ThrowsSaying<S3Error>({"EntityTooSmall"}));
 }
 
