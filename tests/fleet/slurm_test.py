@@ -34,8 +34,9 @@ FEW_SCANS, MANY_SCANS = 12, 24
 class Build:
     """A build in Slurm, followed by a process that may be killed and started again."""
 
-    def __init__(self, slurm, program, drive, folder, name, options, units=2):
+    def __init__(self, slurm, program, drive, folder, name, options, units=2, environment=None):
         self.slurm, self.folder, self.map = slurm, folder, folder / name
+        self.environment = environment or slurm.environment
         self.jobs = folder / f".{name}.slurm"
         self.log = folder / f"{name}.log"
         self.command = [program, "build", str(drive), "-o", str(self.map), "--executor", "slurm", "--units", str(units),
@@ -44,7 +45,7 @@ class Build:
 
     def follow(self):
         with open(self.log, "ab") as log:
-            self.process = subprocess.Popen(self.command, cwd=self.folder, env=self.slurm.environment,
+            self.process = subprocess.Popen(self.command, cwd=self.folder, env=self.environment,
                                             stdin=subprocess.DEVNULL, stdout=log, stderr=log)
         return self
 
@@ -168,6 +169,26 @@ def test_refusal(slurm, program, folder):
     assert code == 1 and "partition" in said and "--slurm-option" in said, (code, said)
 
 
+def test_limits(slurm, program, folder):
+    """What Slurm takes later, such as a job above a user's limit, ends no build that has begun."""
+    programs = folder / "limits"
+    programs.mkdir()
+    (programs / "sbatch").write_text(f"""#!/bin/sh
+[ ! -e '{programs}/reached' ] || {{ echo >>'{programs}/reached'; echo 'job submit limit' >&2; exit 1; }}
+exec {shutil.which("sbatch", path=slurm.environment["PATH"])} "$@"
+""")
+    (programs / "sbatch").chmod(0o755)
+    build = Build(slurm, program, folder / "short", folder, "limited", FAST,
+                  environment=slurm.environment | {"PATH": f"{programs}:{slurm.environment['PATH']}"}).follow()
+    task = build.wait_running("survey")
+    (programs / "reached").touch()
+    slurm.ask("scancel", "--full", task)
+    wait_until(lambda: len((programs / "reached").read_text()) >= 3, 60, f"not asked again: {build.text()}")
+    (programs / "reached").unlink()
+    code, said = build.end()
+    assert code == 0 and said.count("job submit limit") == 1, (code, said)
+
+
 def test_server(slurm, program, folder):
     """Jobs of a server that is killed: the next one follows them; a job that is cancelled cancels them."""
     store = folder / "store"
@@ -238,7 +259,7 @@ def main():
         shorter(drive, folder / "maps" / "short", FEW_SCANS)
         shorter(drive, folder / "maps" / "long", MANY_SCANS)
         with slurm_engine.Slurm(folder / "slurm") as slurm:
-            for test in (test_cancel, test_failure, test_refusal, test_server, test_kills):
+            for test in (test_cancel, test_failure, test_refusal, test_limits, test_server, test_kills):
                 if sys.argv[3:] and test.__name__ not in sys.argv[3:]:
                     continue
                 began = time.monotonic()

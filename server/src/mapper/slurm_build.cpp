@@ -47,8 +47,6 @@ constexpr milliseconds kBetweenFlags{100};
 constexpr milliseconds kForCancel{700};
 /// A program of Slurm that takes longer is taken for one without an answer.
 constexpr std::chrono::seconds kForAnswer{60};
-/// `sbatch` failed so often although `squeue` answers.
-constexpr int kMostRefusals = 3;
 
 /// What a job runs. The words of a build come as arguments, so no shell reads them.
 constexpr const char* kScript = R"(#!/bin/sh
@@ -270,8 +268,11 @@ class SlurmJobs {
     // What failed is tried again. Without jobs every unit is asked again whether it is done: the
     // drives may have changed.
     const bool is_new = found != plan_ || (tasks->empty() && !fs::exists(build_.target));
+    was_taken_ = !tasks->empty();
     for (const Step& step : steps_) {
       for (std::size_t number = 1; number <= step.units; ++number) {
+        if (found != plan_) fs::remove(path(step, number, "alive"));
+        was_taken_ = was_taken_ || fs::exists(path(step, number, "alive"));
         fs::remove(path(step, number, "failed"));
         if (is_new) fs::remove(path(step, number, "done"));
       }
@@ -351,6 +352,7 @@ class SlurmJobs {
       words.insert(words.end(), actions.cancel.begin(), actions.cancel.end());
       if (!did_well(ask(words))) return;
     }
+    if (Clock::now() < next_submission_) return;
     const std::size_t current = first_not_done(states);
     std::string before;
     for (const SlurmSubmission& submission : actions.submit) {
@@ -396,15 +398,26 @@ class SlurmJobs {
     // "12", or "12;cluster"
     std::string job = output.out.substr(0, output.out.find_first_of(";\n"));
     if (did_well(output) && !job.empty()) {
+      was_taken_ = true;
       refusals_ = 0;
       return job;
     }
-    if (++refusals_ < kMostRefusals) return {};
-    (void)cancel_jobs(name_, kForAnswer);
-    throw std::runtime_error(
-        fmt::format("sbatch refused the units of the step '{}': {}; change what is asked for with "
-                    "--slurm-option and --threads",
-                    step.name, trimmed(output.err)));
+    ++refusals_;
+    const std::string refusal = fmt::format("sbatch refused the units of the step '{}': {}",
+                                            step.name, trimmed(output.err));
+    if (!was_taken_ && refusals_ == kMostRefusals) {
+      // One that did not answer may have been taken.
+      (void)cancel_jobs(name_, kForAnswer);
+      throw std::runtime_error(refusal +
+                               "; change what is asked for with --slurm-option and --threads");
+    }
+    if (was_taken_ && refusals_ == 1)
+      fmt::print(stderr,
+                 "stillmap: {}; asks again, after 5 minutes at the latest. If it goes on, stop "
+                 "this command, and give it again with other --slurm-option\n",
+                 refusal);
+    next_submission_ = Clock::now() + wait_after(refusals_);
+    return {};
   }
 
   /// In sbatch's own form, where % begins a symbol.
@@ -483,7 +496,10 @@ class SlurmJobs {
   /// When a task was first seen waiting, by how often it was put back.
   std::map<std::pair<std::string, std::size_t>, Clock::time_point> waits_;
   bool answers_ = true;
+  /// Slurm has taken a job of this plan.
+  bool was_taken_ = false;
   int refusals_ = 0;
+  Clock::time_point next_submission_;
 };
 
 }  // namespace

@@ -117,6 +117,13 @@ std::size_t first_not_done(const std::vector<StepState>& steps) {
   return static_cast<std::size_t>(first - steps.begin());
 }
 
+std::chrono::seconds wait_after(int refusals) {
+  constexpr std::chrono::seconds kFirst{2};
+  constexpr std::chrono::seconds kLongest{300};
+  constexpr int kMostDoublings = 8;
+  return std::min(kFirst * (1 << std::min(refusals - 1, kMostDoublings)), kLongest);
+}
+
 SlurmActions decide(const std::vector<StepState>& steps) {
   SlurmActions actions;
   const std::size_t current = first_not_done(steps);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -66,6 +67,13 @@ inline constexpr double kLostWhenDoneAfterS = 30.0;
 /// long it has ended, or its node is lost: Slurm's `KillWait` is 30 s [s]. Sooner, Slurm would find
 /// two of it on one node, take the node out of service and hold the task.
 inline constexpr double kEndedAfterS = 40.0;
+
+/// After so many refusals the build fails, unless Slurm has taken a job of it before.
+inline constexpr int kMostRefusals = 3;
+/// How long to wait before `sbatch` is called again. Limits of a user's jobs, reservations and the
+/// change to another controller pass by themselves.
+/// @param refusals  in a row, at least 1.
+[[nodiscard]] std::chrono::seconds wait_after(int refusals);
 
 /// Units of one step that become one job.
 struct SlurmSubmission {

@@ -205,6 +205,15 @@ TEST(SlurmDecision, CancelsATaskThatIsLostThoughItsUnitIsDone) {
   EXPECT_THAT(actions.submit, IsEmpty());
 }
 
+TEST(SlurmRefusals, AreFollowedByLongerAndLongerWaits) {
+  using std::chrono::seconds;
+  EXPECT_EQ(wait_after(1), seconds(2));
+  EXPECT_EQ(wait_after(2), seconds(4));
+  EXPECT_EQ(wait_after(8), seconds(256));
+  EXPECT_EQ(wait_after(9), seconds(300));
+  EXPECT_EQ(wait_after(1'000'000), seconds(300));
+}
+
 TEST(SlurmDecision, IsFinishedWithTheLastUnit) {
   auto all = surveying();
   for (StepState& step : all)
