@@ -169,22 +169,41 @@ def test_refusal(slurm, program, folder):
     assert code == 1 and "partition" in said and "--slurm-option" in said, (code, said)
 
 
+def with_program(slurm, place, name, script):
+    """@return an environment with a shell script in place of one of Slurm's programs, which it has as "$real"."""
+    place.mkdir()
+    real = shutil.which(name, path=slurm.environment["PATH"])
+    (place / name).write_text(f"#!/bin/sh\nreal={real}\n{script}")
+    (place / name).chmod(0o755)
+    return slurm.environment | {"PATH": f"{place}:{slurm.environment['PATH']}"}
+
+
+def test_hidden(slurm, program, folder):
+    """Jobs that squeue does not list are not submitted again and again."""
+    environment = with_program(slurm, folder / "hiding", "squeue", "exec \"$real\" \"$@\" --name=none\n")
+    build = Build(slurm, program, folder / "short", folder, "hidden", [*FAST, "--slurm-option=--hold"],
+                  environment=environment).follow()
+    code, said = build.end(60)
+    assert code == 1 and "does not list the job" in said, (code, said)
+    wait_until(lambda: not build.queue(), 20, "jobs are left")
+
+
 def test_limits(slurm, program, folder):
     """What Slurm takes later, such as a job above a user's limit, ends no build that has begun."""
-    programs = folder / "limits"
-    programs.mkdir()
-    (programs / "sbatch").write_text(f"""#!/bin/sh
-[ ! -e '{programs}/reached' ] || {{ echo >>'{programs}/reached'; echo 'job submit limit' >&2; exit 1; }}
-exec {shutil.which("sbatch", path=slurm.environment["PATH"])} "$@"
+    reached = folder / "reached"
+    environment = with_program(slurm, folder / "limits", "sbatch", f"""
+[ ! -e '{reached}' ] || {{ echo >>'{reached}'; echo 'job submit limit' >&2; exit 1; }}
+exec "$real" "$@"
 """)
-    (programs / "sbatch").chmod(0o755)
-    build = Build(slurm, program, folder / "short", folder, "limited", FAST,
-                  environment=slurm.environment | {"PATH": f"{programs}:{slurm.environment['PATH']}"}).follow()
+    # Habits of the user are not ours.
+    environment |= {"SQUEUE_STATES": "RUNNING", "SLURM_CLUSTERS": "none", "SBATCH_WAIT": "1"}
+    build = Build(slurm, program, folder / "short", folder, "limited", FAST, environment=environment).follow()
     task = build.wait_running("survey")
-    (programs / "reached").touch()
+    assert len({job for job, _ in build.queue().values()}) <= 5, build.queue()
+    reached.touch()
     slurm.ask("scancel", "--full", task)
-    wait_until(lambda: len((programs / "reached").read_text()) >= 3, 60, f"not asked again: {build.text()}")
-    (programs / "reached").unlink()
+    wait_until(lambda: len(reached.read_text()) >= 3, 60, f"not asked again: {build.text()}")
+    reached.unlink()
     code, said = build.end()
     assert code == 0 and said.count("job submit limit") == 1, (code, said)
 
@@ -259,7 +278,7 @@ def main():
         shorter(drive, folder / "maps" / "short", FEW_SCANS)
         shorter(drive, folder / "maps" / "long", MANY_SCANS)
         with slurm_engine.Slurm(folder / "slurm") as slurm:
-            for test in (test_cancel, test_failure, test_refusal, test_limits, test_server, test_kills):
+            for test in (test_cancel, test_failure, test_refusal, test_hidden, test_limits, test_server, test_kills):
                 if sys.argv[3:] and test.__name__ not in sys.argv[3:]:
                     continue
                 began = time.monotonic()

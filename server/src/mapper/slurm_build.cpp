@@ -245,8 +245,12 @@ class SlurmJobs {
   static bool cancel_jobs(const std::string& name, milliseconds most) {
     const Clock::time_point end = Clock::now() + most;
     return did_well(run_slurm_program(
-        {"scancel", "--name=" + name}, [&] { return Clock::now() >= end; }, Unawaited::kGoesOn));
+        {"scancel", own_jobs(), "--name=" + name}, [&] { return Clock::now() >= end; },
+        Unawaited::kGoesOn));
   }
+
+  /// For squeue and scancel.
+  static std::string own_jobs() { return fmt::format("--user={}", ::geteuid()); }
 
   /// Until the next look.
   void pause() const {
@@ -283,8 +287,8 @@ class SlurmJobs {
 
   /// @return nothing while Slurm does not answer.
   std::optional<std::vector<SlurmTask>> tasks_in_queue() {
-    const ProgramOutput output =
-        ask({"squeue", "--noheader", "--array", "--name=" + name_, "-O", kSqueueFormat});
+    const ProgramOutput output = ask({"squeue", "--noheader", "--array", "--all", "--states=all",
+                                      own_jobs(), "--name=" + name_, "-O", kSqueueFormat});
     if (cancel_) return std::nullopt;
     const bool answers = did_well(output);
     if (answers != answers_)
@@ -292,9 +296,34 @@ class SlurmJobs {
           stderr, "stillmap: Slurm {}\n",
           answers ? "answers again" : "does not answer, waiting for it: " + trimmed(output.err));
     answers_ = answers;
-    if (answers) return tasks_from(output.out);
-    refusals_ = 0;
-    return std::nullopt;
+    if (!answers) {
+      refusals_ = 0;
+      return std::nullopt;
+    }
+    std::vector<SlurmTask> tasks = tasks_from(output.out);
+    require_seen(tasks);
+    std::erase_if(tasks, [](const SlurmTask& task) { return has_ended(task); });
+    return tasks;
+  }
+
+  /// Jobs that squeue does not show would be submitted again at every look.
+  void require_seen(const std::vector<SlurmTask>& tasks) {
+    if (submitted_.empty()) return;
+    const std::vector<SlurmJob> unseen = without_task(std::exchange(submitted_, {}), tasks);
+    if (unseen.empty()) unseen_.clear();
+    // A controller that takes the place of another may not know its last jobs: once is no fault.
+    const bool is_first = unseen_.empty();
+    for (const SlurmJob& job : unseen) unseen_.push_back(job.id);
+    if (unseen.empty() || is_first) return;
+    (void)cancel_jobs(name_, kForAnswer);
+    std::vector<std::string> words{"scancel"};
+    words.insert(words.end(), unseen_.begin(), unseen_.end());
+    (void)ask(words);
+    throw std::runtime_error(fmt::format(
+        "squeue does not list the job {0}, which sbatch has just submitted, with the name {1} and "
+        "the comment '{2}'; leave these as they are (see 'scontrol show job {0}' and the site's "
+        "filters of jobs)",
+        unseen.front().id, name_, unseen.front().step));
   }
 
   std::vector<StepState> states_with(const std::vector<SlurmTask>& tasks) {
@@ -400,6 +429,7 @@ class SlurmJobs {
     if (did_well(output) && !job.empty()) {
       was_taken_ = true;
       refusals_ = 0;
+      submitted_.push_back({job, step.name});
       return job;
     }
     ++refusals_;
@@ -495,6 +525,10 @@ class SlurmJobs {
   std::vector<Step> steps_;
   /// When a task was first seen waiting, by how often it was put back.
   std::map<std::pair<std::string, std::size_t>, Clock::time_point> waits_;
+  /// Since the last answer of squeue.
+  std::vector<SlurmJob> submitted_;
+  /// Numbers of jobs that it did not list.
+  std::vector<std::string> unseen_;
   bool answers_ = true;
   /// Slurm has taken a job of this plan.
   bool was_taken_ = false;

@@ -11,13 +11,13 @@
 /// runs anything (`slurm_build.hpp` does).
 namespace stillmap::mapper {
 
-/// A task of a job that has not ended.
+/// A task of a job.
 struct SlurmTask {
   /// As `scancel` takes it: `12`, or `12_3` in an array.
   std::string id;
   /// `survey` of the unit `survey:3`.
   std::string step;
-  /// 3 of the unit `survey:3`; 1 where a step is one unit.
+  /// 3 of the unit `survey:3`; 1 where a step is one unit; 0 if unknown of one that has ended.
   std::size_t number = 1;
   /// `PENDING`, `RUNNING`, `COMPLETING` and others.
   std::string state;
@@ -35,11 +35,27 @@ inline constexpr const char* kSqueueFormat =
 /// Its answer, a task a line. @throws std::runtime_error for lines of another form.
 [[nodiscard]] std::vector<SlurmTask> tasks_from(std::string_view text);
 
+[[nodiscard]] bool has_ended(const SlurmTask& task);
+
+/// A job that `sbatch` has taken.
+struct SlurmJob {
+  std::string id;
+  std::string step;
+};
+/// @return the jobs of which there is no task of their step, ended or not.
+[[nodiscard]] std::vector<SlurmJob> without_task(const std::vector<SlurmJob>& jobs,
+                                                 const std::vector<SlurmTask>& tasks);
+
+/// @param options  for `sbatch`.
+/// @throws std::invalid_argument naming one that hides the jobs, or changes which there are.
+void require_usable_options(const std::vector<std::string>& options);
+
 /// What is known of a unit.
 struct UnitState {
   bool is_done = false;
   /// Exit code of the last attempt that failed.
   std::optional<int> failed;
+  /// That have not ended.
   std::vector<SlurmTask> tasks;
   /// How long a running task of it has shown no life [s].
   double silent_s = 0.0;

@@ -7,10 +7,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 
 namespace stillmap::mapper {
@@ -60,6 +62,24 @@ class Pipe {
   bool is_open_ = true;
 };
 
+/// A user's own habits with Slurm's programs: they would hide jobs from us, send them to another
+/// cluster, or change what they are.
+bool is_habit(std::string_view variable) {
+  constexpr std::array<std::string_view, 7> kHabits{
+      "SQUEUE_",      "SCANCEL_",          "SLURM_CLUSTERS=", "SBATCH_CLUSTERS=",
+      "SBATCH_WAIT=", "SBATCH_ARRAY_INX=", "SBATCH_ERROR="};
+  return std::ranges::any_of(kHabits,
+                             [&](std::string_view habit) { return variable.starts_with(habit); });
+}
+
+std::vector<char*> environment_without_habits() {
+  std::vector<char*> variables;
+  for (char** each = environ; *each != nullptr; ++each)
+    if (!is_habit(*each)) variables.push_back(*each);
+  variables.push_back(nullptr);
+  return variables;
+}
+
 pid_t spawn(const std::vector<std::string>& arguments, const Pipe& out, const Pipe& err) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
@@ -77,9 +97,10 @@ pid_t spawn(const std::vector<std::string>& arguments, const Pipe& out, const Pi
   std::vector<char*> words;
   for (const std::string& each : arguments) words.push_back(const_cast<char*>(each.c_str()));
   words.push_back(nullptr);
+  const std::vector<char*> variables = environment_without_habits();
   pid_t pid = -1;
   const int error =
-      ::posix_spawnp(&pid, words.front(), &actions, &attributes, words.data(), environ);
+      ::posix_spawnp(&pid, words.front(), &actions, &attributes, words.data(), variables.data());
   ::posix_spawnattr_destroy(&attributes);
   ::posix_spawn_file_actions_destroy(&actions);
   if (error != 0)

@@ -21,7 +21,7 @@ struct ProgramOutput {
 enum class Unawaited : std::uint8_t { kKilled, kGoesOn };
 
 /// Runs one of Slurm's programs, as the PATH has them, in a session of its own, so that Ctrl-C does
-/// not reach it.
+/// not reach it, and without the user's variables that change what they do (`SQUEUE_STATES`).
 /// @param arguments  program first.
 /// @param may_stop   asked ten times a second; from then on nobody waits for it.
 /// @throws std::runtime_error when it cannot be started.

@@ -80,6 +80,38 @@ TEST(SlurmQueue, OfAnotherFormIsRefused) {
     EXPECT_THROW((void)tasks_from(text), std::runtime_error) << text;
 }
 
+TEST(SlurmQueue, SaysWhatHasEnded) {
+  const auto tasks = tasks_from(
+      "7|N/A|COMPLETED|poses|None|0|\n"
+      "8|1|COMPLETING|survey|None|0|\n"
+      "9|1-4|CANCELLED|survey|None|0|\n");
+  ASSERT_THAT(tasks, SizeIs(3));
+  EXPECT_TRUE(has_ended(tasks[0]));
+  EXPECT_FALSE(has_ended(tasks[1]));
+  EXPECT_TRUE(has_ended(tasks[2]));
+  EXPECT_EQ(tasks[2].number, 0U);
+}
+
+TEST(SlurmQueue, ListsAJobByItsNumberAndStep) {
+  const auto tasks = tasks_from(
+      "7|N/A|COMPLETED|poses|None|0|\n"
+      "8|2|RUNNING|survey|None|0|\n"
+      "9|N/A|PENDING|of the site|None|0|\n");
+  const std::vector<SlurmJob> jobs{{"7", "poses"}, {"8", "survey"}, {"9", "fuse"}, {"10", "merge"}};
+  const auto missing = without_task(jobs, tasks);
+  ASSERT_THAT(missing, SizeIs(2));
+  EXPECT_EQ(missing[0].id, "9");
+  EXPECT_EQ(missing[1].id, "10");
+}
+
+TEST(SlurmOptions, ThatHideJobsAreRefused) {
+  for (const char* option : {"--clusters=x", "--cluster=x", "-M", "-Mx", "--wait", "-W",
+                             "--test-only", "--te", "--array=1-4", "-a1"})
+    EXPECT_THROW(require_usable_options({"--time=9", option}), std::invalid_argument) << option;
+  EXPECT_NO_THROW(require_usable_options({"--wait-all-nodes=1", "--account=a", "-Aa", "--time=9",
+                                          "--mem=8G", "-p", "long", "--constraint=a", "--", "-"}));
+}
+
 TEST(SlurmDecision, SubmitsFiveStepsThatWaitForEachOther) {
   const SlurmActions actions = decide(steps());
   ASSERT_THAT(actions.submit, SizeIs(5));
