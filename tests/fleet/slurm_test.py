@@ -148,6 +148,27 @@ def test_cancel(slurm, program, folder):
     assert code == CANCELLED and "goes on from there" in said, (code, said)
     wait_until(lambda: not build.queue(), 20, "jobs were not cancelled")
     assert not build.map.exists() and (folder / ".small.units").exists()
+    check_attempts(build.jobs / "unit.sh", folder / "attempts")
+
+
+def check_attempts(script, folder):
+    """A second attempt of a unit waits for the first one, which Slurm has lost, and breaks none of its files."""
+    folder.mkdir()
+
+    def begin(command):
+        return subprocess.Popen(["sh", script, folder, "merge", "merge", "finish", "0", "sh", "-c", command])
+
+    first = begin(f"echo first; until [ -e '{folder}/end' ]; do sleep 0.1; done; exit 0")
+    wait_until((folder / "merge.progress").exists, 10, "the first attempt did not begin")
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait()
+    second = begin("echo second; exit 9")
+    time.sleep(1)
+    (folder / "end").touch()
+    assert second.wait(20) == 9 and (folder / "merge.failed").read_text() == "9\n"
+    assert not (folder / "merge.out").exists(), "what an attempt that failed has printed"
+    assert begin("echo third").wait(20) == 0 and (folder / "merge.out").read_text() == "third\n"
+    assert begin("echo fourth; exit 9").wait(20) == 9 and (folder / "merge.out").read_text() == "third\n"
 
 
 def test_failure(slurm, program, folder):

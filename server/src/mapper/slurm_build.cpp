@@ -66,11 +66,14 @@ if [ "$found" -ne "$count" ]; then
 fi
 while kill -0 $$ && date +%s >"$file.alive"; do sleep 10; done 2>/dev/null &
 beat=$!
-# An earlier attempt may still run, although Slurm has lost it.
-flock "$file.lock" "$@" --unit "$name" >"$file.out" 3>"$file.progress"
+# An earlier attempt may still run, although Slurm has lost it: the files are its own until it ends.
+exec 9>"$file.lock"
+flock 9 || exit 75
+exec >"$file.out.new" 3>"$file.progress"
+"$@" --unit "$name"
 code=$?
 kill $beat
-if [ $code -eq 0 ]; then : >"$file.done"; else echo $code >"$file.failed"; fi
+if [ $code -eq 0 ]; then mv "$file.out.new" "$file.out" && : >"$file.done"; else echo $code >"$file.failed"; fi
 exit $code
 )";
 
