@@ -140,8 +140,23 @@ def shorter(drive, folder, scans):
     return folder
 
 
+def with_program(slurm, place, name, script):
+    """@return an environment with a shell script in place of one of Slurm's programs, which it has as "$real"."""
+    place.mkdir()
+    real = shutil.which(name, path=slurm.environment["PATH"])
+    (place / name).write_text(f"#!/bin/sh\nreal={real}\n{script}")
+    (place / name).chmod(0o755)
+    return slurm.environment | {"PATH": f"{place}:{slurm.environment['PATH']}"}
+
+
 def test_cancel(slurm, program, folder):
-    build = Build(slurm, program, folder / "short", folder, "small", FAST).follow()
+    # It has more to do than there is time for, and says something then.
+    environment = with_program(slurm, folder / "slow", "scancel", """
+sleep 1.5
+echo 'Job/step already completing' >&2
+exec "$real" "$@"
+""")
+    build = Build(slurm, program, folder / "short", folder, "small", FAST, environment=environment).follow()
     build.wait_running("survey")
     build.process.send_signal(signal.SIGTERM)
     code, said = build.end(5)
@@ -188,15 +203,6 @@ def test_refusal(slurm, program, folder):
     build = Build(slurm, program, folder / "short", folder, "none", [*FAST, "--slurm-option=--partition=none"]).follow()
     code, said = build.end(60)
     assert code == 1 and "partition" in said and "--slurm-option" in said, (code, said)
-
-
-def with_program(slurm, place, name, script):
-    """@return an environment with a shell script in place of one of Slurm's programs, which it has as "$real"."""
-    place.mkdir()
-    real = shutil.which(name, path=slurm.environment["PATH"])
-    (place / name).write_text(f"#!/bin/sh\nreal={real}\n{script}")
-    (place / name).chmod(0o755)
-    return slurm.environment | {"PATH": f"{place}:{slurm.environment['PATH']}"}
 
 
 def test_hidden(slurm, program, folder):

@@ -43,8 +43,9 @@ using std::chrono::milliseconds;
 
 constexpr std::chrono::seconds kBetweenLooks{2};
 constexpr milliseconds kBetweenFlags{100};
-/// For `scancel`, of the second in which a cancelled program ends.
-constexpr milliseconds kForCancel{700};
+/// Of the second in which a cancelled program ends: for an `sbatch` that runs, and for `scancel`.
+constexpr milliseconds kForSubmission{400};
+constexpr milliseconds kForCancel{400};
 /// A program of Slurm that takes longer is taken for one without an answer.
 constexpr std::chrono::seconds kForAnswer{60};
 
@@ -236,10 +237,17 @@ class SlurmJobs {
     return is_array(step) ? fmt::format("{}:{}", step.name, number) : step.name;
   }
 
-  /// Waits for a program of Slurm, at most until the build is cancelled.
-  [[nodiscard]] ProgramOutput ask(const std::vector<std::string>& arguments) const {
-    const Clock::time_point end = Clock::now() + kForAnswer;
-    return run_slurm_program(arguments, [&] { return cancel_ || Clock::now() >= end; });
+  /// Waits for a program of Slurm.
+  /// @param when_cancelled  at most so long after the build is cancelled.
+  [[nodiscard]] ProgramOutput ask(const std::vector<std::string>& arguments,
+                                  milliseconds when_cancelled = milliseconds{0}) const {
+    Clock::time_point end = Clock::now() + kForAnswer;
+    bool is_cancelled = false;
+    return run_slurm_program(arguments, [&] {
+      if (cancel_ && !std::exchange(is_cancelled, true))
+        end = std::min(end, Clock::now() + when_cancelled);
+      return Clock::now() >= end;
+    });
   }
   [[nodiscard]] static bool did_well(const ProgramOutput& output) {
     return !output.was_left && output.exit_code == 0;
@@ -425,8 +433,12 @@ class SlurmJobs {
                                earlier != nullptr ? earlier->name : "-",
                                std::to_string(earlier != nullptr ? earlier->units : 0)});
     words.insert(words.end(), build_.command.begin(), build_.command.end());
-    const ProgramOutput output = ask(words);
-    if (cancel_) return {};
+    // Jobs that Slurm takes after `scancel` would stay.
+    const ProgramOutput output = ask(words, kForSubmission);
+    if (cancel_) {
+      is_taken_perhaps_ = output.was_left;
+      return {};
+    }
     // "12", or "12;cluster"
     std::string job = output.out.substr(0, output.out.find_first_of(";\n"));
     if (did_well(output) && !job.empty()) {
@@ -462,9 +474,9 @@ class SlurmJobs {
   }
 
   [[noreturn]] void throw_cancelled() const {
-    if (!cancel_jobs(name_, kForCancel))
+    if (!cancel_jobs(name_, kForCancel) || is_taken_perhaps_)
       fmt::print(stderr,
-                 "stillmap: Slurm has not yet cancelled the jobs; see 'squeue --name={0}', and "
+                 "stillmap: Slurm may not have cancelled all jobs; see 'squeue --name={0}', and "
                  "cancel them with 'scancel --name={0}'\n",
                  name_);
     throw mapping::Cancelled();
@@ -535,6 +547,8 @@ class SlurmJobs {
   bool answers_ = true;
   /// Slurm has taken a job of this plan.
   bool was_taken_ = false;
+  /// Slurm may have taken one after this process stopped waiting for `sbatch`.
+  bool is_taken_perhaps_ = false;
   int refusals_ = 0;
   Clock::time_point next_submission_;
 };

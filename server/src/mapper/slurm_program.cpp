@@ -80,12 +80,19 @@ std::vector<char*> environment_without_habits() {
   return variables;
 }
 
-pid_t spawn(const std::vector<std::string>& arguments, const Pipe& out, const Pipe& err) {
+pid_t spawn(const std::vector<std::string>& arguments, const Pipe& out, const Pipe& err,
+            Unawaited then) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  ::posix_spawn_file_actions_adddup2(&actions, out.write_end(), STDOUT_FILENO);
-  ::posix_spawn_file_actions_adddup2(&actions, err.write_end(), STDERR_FILENO);
+  if (then == Unawaited::kGoesOn) {
+    // Pipes would break when this process ends, and end what writes to them.
+    ::posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  } else {
+    ::posix_spawn_file_actions_adddup2(&actions, out.write_end(), STDOUT_FILENO);
+    ::posix_spawn_file_actions_adddup2(&actions, err.write_end(), STDERR_FILENO);
+  }
   ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   posix_spawnattr_t attributes;
   ::posix_spawnattr_init(&attributes);
@@ -117,7 +124,7 @@ ProgramOutput run_slurm_program(const std::vector<std::string>& arguments,
                                 const std::function<bool()>& may_stop, Unawaited then) {
   Pipe out;
   Pipe err;
-  const pid_t pid = spawn(arguments, out, err);
+  const pid_t pid = spawn(arguments, out, err, then);
   out.close_write_end();
   err.close_write_end();
   ProgramOutput output;

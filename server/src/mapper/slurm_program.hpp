@@ -17,7 +17,8 @@ struct ProgramOutput {
   bool was_left = false;
 };
 
-/// What becomes of a program that nobody waits for any more.
+/// What becomes of a program that nobody waits for any more. What one writes that may go on is not
+/// kept.
 enum class Unawaited : std::uint8_t { kKilled, kGoesOn };
 
 /// Runs one of Slurm's programs, as the PATH has them, in a session of its own, so that Ctrl-C does

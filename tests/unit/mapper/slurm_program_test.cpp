@@ -3,7 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fmt/format.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
 #include <cstdlib>
+#include <filesystem>
+#include <thread>
 
 namespace stillmap::mapper {
 namespace slurm_program_test {
@@ -32,6 +39,23 @@ TEST(SlurmProgram, DoesNotGetTheHabitsOfTheUser) {
                                 Not(HasSubstr("SLURM_CLUSTERS")), Not(HasSubstr("SBATCH_WAIT="))));
   EXPECT_THAT(output.out, AllOf(HasSubstr("SBATCH_WAIT_ALL_NODES=hers"),
                                 HasSubstr("SLURM_CONF=hers"), HasSubstr("PATH=")));
+}
+
+TEST(SlurmProgram, IsKilledWhenNobodyWaitsForIt) {
+  EXPECT_TRUE(run_slurm_program({"sleep", "1000"}, [] { return true; }).was_left);
+  EXPECT_EQ(::waitpid(-1, nullptr, WNOHANG), -1) << "a child is left";
+}
+
+TEST(SlurmProgram, GoesOnWhenItWritesAfterNobodyWaitsForIt) {
+  const std::filesystem::path file =
+      std::filesystem::path(::testing::TempDir()) / fmt::format("slurm_program.{}", ::getpid());
+  const ProgramOutput output = run_slurm_program(
+      {"sh", "-c", "sleep 0.3; echo out; echo err >&2; : >\"$0\"", file.string()},
+      [] { return true; }, Unawaited::kGoesOn);
+  EXPECT_TRUE(output.was_left);
+  for (int i = 0; i < 100 && !std::filesystem::exists(file); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_TRUE(std::filesystem::remove(file));
 }
 
 }  // namespace slurm_program_test
