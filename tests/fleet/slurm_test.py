@@ -170,8 +170,9 @@ def check_attempts(script, folder):
     """A second attempt of a unit waits for the first one, which Slurm has lost, and breaks none of its files."""
     folder.mkdir()
 
-    def begin(command):
-        return subprocess.Popen(["sh", script, folder, "merge", "merge", "finish", "0", "sh", "-c", command])
+    def begin(command, *arguments):
+        return subprocess.Popen(["sh", script, folder, "merge", "merge", "finish", "0", "sh", "-c", command, *arguments],
+                                env=os.environ | {"PATH": f"{folder}:{os.environ['PATH']}"})
 
     first = begin(f"echo first; until [ -e '{folder}/end' ]; do sleep 0.1; done; exit 0")
     wait_until((folder / "merge.progress").exists, 10, "the first attempt did not begin")
@@ -184,6 +185,15 @@ def check_attempts(script, folder):
     assert not (folder / "merge.out").exists(), "what an attempt that failed has printed"
     assert begin("echo third").wait(20) == 0 and (folder / "merge.out").read_text() == "third\n"
     assert begin("echo fourth; exit 9").wait(20) == 9 and (folder / "merge.out").read_text() == "third\n"
+    # A sign of life that could not be written is followed by others.
+    (folder / "merge.alive").unlink()
+    (folder / "merge.alive").mkdir()
+    (folder / "sleep").write_text("#!/bin/sh\nexec /bin/sleep 0.1\n")
+    (folder / "sleep").chmod(0o755)
+    fifth = begin("for i in $(seq 100); do [ ! -f \"$0\" ] || exit 0; sleep; done; exit 9", folder / "merge.alive")
+    time.sleep(1)
+    (folder / "merge.alive").rmdir()
+    assert fifth.wait(20) == 0
 
 
 def test_failure(slurm, program, folder):

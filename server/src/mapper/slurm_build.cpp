@@ -65,7 +65,7 @@ if [ "$found" -ne "$count" ]; then
   echo "stillmap: $name was not begun: $found of $count units of the step '$earlier' are done" >&2
   exit 75
 fi
-while kill -0 $$ && date +%s >"$file.alive"; do sleep 10; done 2>/dev/null &
+while kill -0 $$; do date +%s >"$file.alive"; sleep 10; done 2>/dev/null &
 beat=$!
 # An earlier attempt may still run, although Slurm has lost it: the files are its own until it ends.
 exec 9>"$file.lock"
