@@ -193,7 +193,7 @@ class SlurmJobs {
         name_(job_name(plan_)) {
     for (const auto& step : mapping::unit_steps(build.units)) {
       const std::string name = mapping::name_of(step.front());
-      steps_.push_back({name.substr(0, name.find(':')), step.size(), {}, {}});
+      steps_.push_back({name.substr(0, name.find(':')), step.size(), {}});
     }
   }
 
@@ -214,14 +214,9 @@ class SlurmJobs {
   }
 
  private:
-  struct Life {
-    std::string sign;
-    Clock::time_point since;
-  };
   struct Step {
     std::string name;
     std::size_t units = 1;
-    std::map<std::size_t, Life> lives;
     std::map<std::size_t, std::size_t> attempts;
   };
 
@@ -357,9 +352,8 @@ class SlurmJobs {
         task.waited_s = waited_s(task);
         state.units[task.number - 1].tasks.push_back(std::move(task));
       }
-      for (std::size_t number = 1; number <= step.units; ++number)
-        state.units[number - 1].silent_s = silent_s(step, number, state.units[number - 1]);
     }
+    add_silence(states);
     return states;
   }
 
@@ -370,18 +364,22 @@ class SlurmJobs {
     return std::chrono::duration<double>(Clock::now() - since->second).count();
   }
 
-  /// By our own clock: those of other machines may differ.
-  double silent_s(Step& step, std::size_t number, const UnitState& unit) const {
-    const bool runs = std::ranges::any_of(
-        unit.tasks, [](const SlurmTask& task) { return task.state == "RUNNING"; });
-    if (!runs) {
-      step.lives.erase(number);
-      return 0.0;
+  void add_silence(std::vector<StepState>& states) {
+    std::map<std::string, UnitState*> running;
+    std::map<std::string, std::string> signs;
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      for (std::size_t number = 1; number <= steps_[i].units; ++number) {
+        UnitState& unit = states[i].units[number - 1];
+        if (std::ranges::none_of(unit.tasks,
+                                 [](const SlurmTask& task) { return task.state == "RUNNING"; }))
+          continue;
+        const std::string name = unit_name(steps_[i], number);
+        running[name] = &unit;
+        signs[name] = file_text(path(steps_[i], number, "alive"));
+      }
     }
-    std::string sign = file_text(path(step, number, "alive"));
-    const auto [life, is_new] = step.lives.try_emplace(number);
-    if (is_new || life->second.sign != sign) life->second = {std::move(sign), Clock::now()};
-    return std::chrono::duration<double>(Clock::now() - life->second.since).count();
+    for (const auto& [name, seconds] : silence_.look(signs, Clock::now()))
+      running.at(name)->silent_s = seconds;
   }
 
   void act(const SlurmActions& actions, const std::vector<StepState>& states) {
@@ -540,6 +538,7 @@ class SlurmJobs {
   std::vector<Step> steps_;
   /// When a task was first seen waiting, by how often it was put back.
   std::map<std::pair<std::string, std::size_t>, Clock::time_point> waits_;
+  UnitSilence silence_;
   /// Since the last answer of squeue.
   std::vector<SlurmJob> submitted_;
   /// Numbers of jobs that it did not list.

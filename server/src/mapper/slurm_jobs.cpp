@@ -160,6 +160,23 @@ std::size_t first_not_done(const std::vector<StepState>& steps) {
   return static_cast<std::size_t>(first - steps.begin());
 }
 
+std::map<std::string, double> UnitSilence::look(const std::map<std::string, std::string>& signs,
+                                                Clock::time_point now) {
+  const auto seconds_since = [&](Clock::time_point then) {
+    return std::chrono::duration<double>(now - then).count();
+  };
+  if (seconds_since(looked_) > kBlindAfterS) signs_.clear();
+  looked_ = now;
+  std::erase_if(signs_, [&](const auto& each) { return !signs.contains(each.first); });
+  std::map<std::string, double> silences;
+  for (const auto& [unit, text] : signs) {
+    Sign& sign = signs_.try_emplace(unit, Sign{text, now}).first->second;
+    if (sign.text != text) sign = {text, now};
+    silences[unit] = seconds_since(sign.since);
+  }
+  return silences;
+}
+
 std::chrono::seconds wait_after(int refusals) {
   constexpr std::chrono::seconds kFirst{2};
   constexpr std::chrono::seconds kLongest{300};

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -78,6 +79,29 @@ inline constexpr std::size_t kMostAttempts = 5;
 inline constexpr double kLostAfterS = 120.0;
 /// The same, for one whose unit is done [s].
 inline constexpr double kLostWhenDoneAfterS = 30.0;
+
+/// How long running units have been silent, by the clock of this process: those of other machines
+/// may differ.
+class UnitSilence {
+ public:
+  using Clock = std::chrono::steady_clock;
+  /// @param signs  what each running unit last wrote as a sign of life, as it was just read.
+  /// @param now    when the last of them was read.
+  /// @return since when a unit shows the same sign [s]. Signs that were read before a pause longer
+  ///         than `kBlindAfterS` do not count: the disk may have been away, also from the units.
+  [[nodiscard]] std::map<std::string, double> look(const std::map<std::string, std::string>& signs,
+                                                   Clock::time_point now);
+
+ private:
+  struct Sign {
+    std::string text;
+    Clock::time_point since;
+  };
+  std::map<std::string, Sign> signs_;
+  Clock::time_point looked_;
+};
+/// See `UnitSilence` [s].
+inline constexpr double kBlindAfterS = 30.0;
 
 /// A task that Slurm has put back waits for two minutes, so that what ran before can end. After so
 /// long it has ended, or its node is lost: Slurm's `KillWait` is 30 s [s]. Sooner, Slurm would find

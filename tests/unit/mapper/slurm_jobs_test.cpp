@@ -216,6 +216,32 @@ TEST(SlurmDecision, TriesAgainWhatWasKilled) {
   expect_nothing(decide(all));
 }
 
+TEST(SlurmSilence, LastsUntilTheSignOfAUnitChanges) {
+  UnitSilence silence;
+  UnitSilence::Clock::time_point now = UnitSilence::Clock::now();
+  const auto later = [&](int seconds) { return now += std::chrono::seconds(seconds); };
+  EXPECT_EQ(silence.look({{"survey:1", "a"}, {"survey:2", "a"}}, now).at("survey:1"), 0.0);
+  EXPECT_EQ(silence.look({{"survey:1", "a"}, {"survey:2", "b"}}, later(20)),
+            (std::map<std::string, double>{{"survey:1", 20.0}, {"survey:2", 0.0}}));
+  EXPECT_EQ(silence.look({{"survey:1", "a"}}, later(30)).at("survey:1"), 50.0);
+  // It ran in between on another machine, or not at all.
+  EXPECT_EQ(silence.look({{"survey:1", "a"}, {"survey:2", "b"}}, later(1)).at("survey:2"), 0.0);
+}
+
+TEST(SlurmSilence, CountsOnlyWhileSomebodyLooks) {
+  UnitSilence silence;
+  UnitSilence::Clock::time_point now = UnitSilence::Clock::now();
+  const auto after = [&](int seconds) {
+    now += std::chrono::seconds(seconds);
+    return silence.look({{"fuse", "a"}}, now).at("fuse");
+  };
+  EXPECT_EQ(after(0), 0.0);
+  EXPECT_EQ(after(20), 20.0);
+  // The disk was away.
+  EXPECT_EQ(after(180), 0.0);
+  EXPECT_EQ(after(20), 20.0);
+}
+
 TEST(SlurmDecision, CancelsATaskThatIsLostAndSubmitsItsUnitAgain) {
   auto all = surveying();
   all[kSurvey].units[1].silent_s = kLostAfterS;
