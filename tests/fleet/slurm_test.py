@@ -6,6 +6,7 @@ usage: slurm_test.py STILLMAP DRIVE [TEST...]
 Exit code 77: Slurm is not installed.
 """
 
+import copy
 import hashlib
 import json
 import os
@@ -43,7 +44,8 @@ class Build:
                         "--slurm-option=--mem=500M", *options]
         self.drive, self.process = drive, None
 
-    def follow(self):
+    def follow(self, log=None):
+        self.log = log or self.log
         with open(self.log, "ab") as log:
             self.process = subprocess.Popen(self.command, cwd=self.folder, env=self.environment,
                                             stdin=subprocess.DEVNULL, stdout=log, stderr=log)
@@ -236,6 +238,7 @@ exec "$real" "$@"
     environment |= {"SQUEUE_STATES": "RUNNING", "SLURM_CLUSTERS": "none", "SBATCH_WAIT": "1"}
     build = Build(slurm, program, folder / "short", folder, "limited", FAST, environment=environment).follow()
     task = build.wait_running("survey")
+    other = copy.copy(build).follow(folder / "other_follower.log")
     assert len({job for job, _ in build.queue().values()}) <= 5, build.queue()
     reached.touch()
     slurm.ask("scancel", "--full", task)
@@ -243,6 +246,9 @@ exec "$real" "$@"
     reached.unlink()
     code, said = build.end()
     assert code == 0 and said.count("job submit limit") == 1, (code, said)
+    # It has waited, and tells of the same map.
+    code, said = other.end(20)
+    assert code == 0 and "waits for another process" in said and digest_of(build.map) in said, (code, said)
 
 
 def test_server(slurm, program, folder):

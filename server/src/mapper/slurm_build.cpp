@@ -5,19 +5,12 @@
 #include <stillmap/maps/hidden_beside.hpp>
 #include <stillmap/maps/map_package.hpp>
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <charconv>
 #include <chrono>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -31,6 +24,7 @@
 #include "command_line/option_value.hpp"
 #include "command_line/text_file.hpp"
 #include "errors/exit_codes.hpp"
+#include "mapper/slurm_folder.hpp"
 #include "mapper/slurm_jobs.hpp"
 #include "mapper/slurm_program.hpp"
 
@@ -78,33 +72,6 @@ if [ $code -eq 0 ]; then mv "$file.out.new" "$file.out" && : >"$file.done"; else
 exit $code
 )";
 
-std::string file_text(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-/// Its last bytes: logs and lines of progress grow.
-std::string end_of(const fs::path& file) {
-  constexpr std::streamoff kBytes = 4096;
-  std::ifstream stream(file, std::ios::binary | std::ios::ate);
-  if (!stream) return {};
-  stream.seekg(std::max(std::streamoff{0}, std::streamoff{stream.tellg()} - kBytes));
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-std::optional<int> number_in(const fs::path& file) {
-  const std::string text = file_text(file);
-  int number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc() ? std::optional(number) : std::nullopt;
-}
-
-std::string last_line(std::string text) {
-  while (!text.empty() && (text.back() == '\n' || text.back() == '\0')) text.pop_back();
-  const std::size_t end = text.rfind('\n');
-  return end == std::string::npos ? text : text.substr(end + 1);
-}
-
 std::string trimmed(const std::string& text) {
   const std::size_t end = text.find_last_not_of(" \n");
   return end == std::string::npos ? "" : text.substr(0, end + 1);
@@ -127,40 +94,6 @@ void require_new(const fs::path& target) {
     throw maps::InputError(target.string(), "an existing path", "a new one: give another name");
 }
 
-/// One process follows the jobs of a build.
-class FollowerLock {
- public:
-  /// Waits for one that another server has lost sight of. @throws mapping::Cancelled.
-  FollowerLock(const fs::path& folder, const mapping::CancelFlag& cancel) {
-    std::error_code error;
-    fs::create_directories(folder, error);
-    if (error) throw maps::StorageError(folder.string(), error.message());
-    const fs::path file = folder / "follower.lock";
-    const int fd = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (fd < 0) throw maps::StorageError(file.string(), std::strerror(errno));
-    for (bool told = false; ::flock(fd, LOCK_EX | LOCK_NB) != 0; told = true) {
-      const int failed = errno;
-      if (failed == EWOULDBLOCK && !cancel) {
-        if (!told)
-          fmt::print(stderr, "stillmap: waits for another process that follows the jobs of {}\n",
-                     folder.string());
-        std::this_thread::sleep_for(kBetweenFlags);
-        continue;
-      }
-      ::close(fd);
-      if (cancel) throw mapping::Cancelled();
-      throw maps::StorageError(file.string(), std::strerror(failed));
-    }
-    descriptor_ = fd;
-  }
-  ~FollowerLock() { ::close(descriptor_); }
-  FollowerLock(const FollowerLock&) = delete;
-  FollowerLock& operator=(const FollowerLock&) = delete;
-
- private:
-  int descriptor_ = -1;
-};
-
 /// What a unit last said of its progress.
 struct UnitProgress {
   std::string stage;
@@ -170,7 +103,7 @@ struct UnitProgress {
 };
 
 std::optional<UnitProgress> progress_in(const fs::path& file, const std::string& unit) {
-  const auto json = nlohmann::json::parse(last_line(end_of(file)), nullptr, false);
+  const auto json = nlohmann::json::parse(last_line_in(file), nullptr, false);
   if (!json.is_object()) return std::nullopt;
   UnitProgress progress{json.value("stage", ""), json.value("done", std::size_t{0}),
                         json.value("total", std::size_t{0}), json.value("fraction", 0.0)};
@@ -188,7 +121,7 @@ class SlurmJobs {
         progress_(progress),
         cancel_(cancel),
         folder_(slurm_folder(build.target)),
-        lock_(folder_, cancel),
+        held_(std::make_shared<HeldFolder>(folder_, cancel)),
         plan_(plan_of(build)),
         name_(job_name(plan_)) {
     for (const auto& step : mapping::unit_steps(build.units)) {
@@ -197,7 +130,12 @@ class SlurmJobs {
     }
   }
 
-  std::string run() {
+  SlurmResult run() {
+    // Another process has followed jobs to their end, and removed the folder.
+    if (!fs::exists(folder_ / "plan") && fs::exists(build_.target)) {
+      held_->set_done();
+      if (held_->plan_of_other() == plan_) return {std::nullopt, held_};
+    }
     begin();
     while (true) {
       if (cancel_) throw_cancelled();
@@ -485,7 +423,7 @@ class SlurmJobs {
     const Step& step = steps_[failure.step];
     const std::string code = trimmed(file_text(path(step, failure.number, "failed")));
     const fs::path log = path(step, failure.number, "log");
-    const std::string said = last_line(end_of(log));
+    const std::string said = last_line_in(log);
     throw std::runtime_error(fmt::format(
         "the unit {} failed {}: {}; see {}, and give the same command again once that is mended",
         unit_name(step, failure.number),
@@ -519,20 +457,18 @@ class SlurmJobs {
       progress_(last->stage, last->done, last->total);
   }
 
-  std::string finish(const std::vector<SlurmTask>& tasks) const {
-    std::string said = file_text(path(steps_.back(), 1, "out"));
+  SlurmResult finish(const std::vector<SlurmTask>& tasks) const {
     // Attempts that another one overtook.
     if (!tasks.empty()) (void)cancel_jobs(name_, kForAnswer);
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
-    return said;
+    held_->set_done();
+    return {file_text(path(steps_.back(), 1, "out")), held_};
   }
 
   const SlurmBuild& build_;
   const mapping::ProgressCallback& progress_;
   const mapping::CancelFlag& cancel_;
   fs::path folder_;
-  FollowerLock lock_;
+  std::shared_ptr<HeldFolder> held_;
   std::string plan_;
   std::string name_;
   std::vector<Step> steps_;
@@ -584,7 +520,7 @@ std::vector<std::string> unit_command(const CLI::App& command,
 
 fs::path slurm_folder(const fs::path& target) { return maps::hidden_beside(target, ".slurm"); }
 
-std::string build_in_slurm(const SlurmBuild& build, const mapping::ProgressCallback& progress,
+SlurmResult build_in_slurm(const SlurmBuild& build, const mapping::ProgressCallback& progress,
                            const mapping::CancelFlag& cancel) {
   if (!fs::exists(slurm_folder(build.target))) require_new(build.target);
   return SlurmJobs(build, progress, cancel).run();
