@@ -251,6 +251,28 @@ exec "$real" "$@"
     assert code == 0 and "waits for another process" in said and digest_of(build.map) in said, (code, said)
 
 
+def test_other_options(slurm, program, folder):
+    """Jobs of other options have ended before those of this build begin: they share a folder."""
+    def names():
+        return set(slurm.ask("squeue", "-h", "-o", "%j").split())
+
+    build = Build(slurm, program, folder / "short", folder, "changed", FAST).follow()
+    build.wait_running("survey")
+    build.process.kill()
+    build.process.wait()
+    before = names()
+    environment = with_program(slurm, folder / "failing", "scancel", f"""
+[ -e '{folder}/failed' ] || {{ touch '{folder}/failed'; exit 1; }}
+exec "$real" "$@"
+""")
+    build = Build(slurm, program, folder / "short", folder, "changed", FAST, units=3, environment=environment).follow()
+    first = wait_until(lambda: names() != before and names(), 60, f"nothing is submitted: {build.text()}")
+    assert not first & before, (first, before)
+    build.process.send_signal(signal.SIGTERM)
+    assert build.end(5)[0] == CANCELLED, build.text()
+    wait_until(lambda: not build.queue(), 20, "jobs were not cancelled")
+
+
 def test_server(slurm, program, folder):
     """Jobs of a server that is killed: the next one follows them; a job that is cancelled cancels them."""
     store = folder / "store"
@@ -321,7 +343,8 @@ def main():
         shorter(drive, folder / "maps" / "short", FEW_SCANS)
         shorter(drive, folder / "maps" / "long", MANY_SCANS)
         with slurm_engine.Slurm(folder / "slurm") as slurm:
-            for test in (test_cancel, test_failure, test_refusal, test_hidden, test_limits, test_server, test_kills):
+            for test in (test_cancel, test_failure, test_refusal, test_hidden, test_limits, test_other_options,
+                         test_server, test_kills):
                 if sys.argv[3:] and test.__name__ not in sys.argv[3:]:
                     continue
                 began = time.monotonic()

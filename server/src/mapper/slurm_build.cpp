@@ -139,7 +139,7 @@ class SlurmJobs {
     begin();
     while (true) {
       if (cancel_) throw_cancelled();
-      if (const std::optional<std::vector<SlurmTask>> tasks = tasks_in_queue()) {
+      if (const std::optional<std::vector<SlurmTask>> tasks = tasks_in_queue(name_)) {
         const std::vector<StepState> states = states_with(*tasks);
         const SlurmActions actions = decide(states);
         if (actions.is_finished) return finish(*tasks);
@@ -207,9 +207,9 @@ class SlurmJobs {
     const fs::path plan = folder_ / "plan";
     const std::string found = file_text(plan);
     if (found != plan_) require_new(build_.target);
-    if (!found.empty() && found != plan_) (void)cancel_jobs(job_name(found), kForAnswer);
+    if (!found.empty() && found != plan_) end_jobs(job_name(found));
     std::optional<std::vector<SlurmTask>> tasks;
-    while (!(tasks = tasks_in_queue())) {
+    while (!(tasks = tasks_in_queue(name_))) {
       if (cancel_) throw_cancelled();
       pause();
     }
@@ -229,10 +229,25 @@ class SlurmJobs {
     command_line::write_text_file(plan, plan_);
   }
 
+  /// Cancels jobs of another plan until none is left: they write into the same folder.
+  void end_jobs(const std::string& name) {
+    for (bool told = false; true; told = true) {
+      if (cancel_) throw_cancelled();
+      const std::optional<std::vector<SlurmTask>> tasks = tasks_in_queue(name);
+      if (tasks && tasks->empty()) return;
+      if (tasks) (void)cancel_jobs(name, kForAnswer);
+      if (!told)
+        fmt::print(stderr,
+                   "stillmap: cancels the jobs of another build to {}, and waits for their end\n",
+                   build_.target.string());
+      pause();
+    }
+  }
+
   /// @return nothing while Slurm does not answer.
-  std::optional<std::vector<SlurmTask>> tasks_in_queue() {
+  std::optional<std::vector<SlurmTask>> tasks_in_queue(const std::string& name) {
     const ProgramOutput output = ask({"squeue", "--noheader", "--array", "--all", "--states=all",
-                                      own_jobs(), "--name=" + name_, "-O", kSqueueFormat});
+                                      own_jobs(), "--name=" + name, "-O", kSqueueFormat});
     if (cancel_) return std::nullopt;
     const bool answers = did_well(output);
     if (answers != answers_)
