@@ -6,6 +6,7 @@ usage: slurm_test.py STILLMAP DRIVE [TEST...]
 Exit code 77: Slurm is not installed.
 """
 
+import copy
 import hashlib
 import json
 import os
@@ -34,17 +35,19 @@ FEW_SCANS, MANY_SCANS = 12, 24
 class Build:
     """A build in Slurm, followed by a process that may be killed and started again."""
 
-    def __init__(self, slurm, program, drive, folder, name, options, units=2):
+    def __init__(self, slurm, program, drive, folder, name, options, units=2, environment=None):
         self.slurm, self.folder, self.map = slurm, folder, folder / name
+        self.environment = environment or slurm.environment
         self.jobs = folder / f".{name}.slurm"
         self.log = folder / f"{name}.log"
         self.command = [program, "build", str(drive), "-o", str(self.map), "--executor", "slurm", "--units", str(units),
                         "--slurm-option=--mem=500M", *options]
         self.drive, self.process = drive, None
 
-    def follow(self):
+    def follow(self, log=None):
+        self.log = log or self.log
         with open(self.log, "ab") as log:
-            self.process = subprocess.Popen(self.command, cwd=self.folder, env=self.slurm.environment,
+            self.process = subprocess.Popen(self.command, cwd=self.folder, env=self.environment,
                                             stdin=subprocess.DEVNULL, stdout=log, stderr=log)
         return self
 
@@ -139,14 +142,60 @@ def shorter(drive, folder, scans):
     return folder
 
 
+def with_program(slurm, place, name, script):
+    """@return an environment with a shell script in place of one of Slurm's programs, which it has as "$real"."""
+    place.mkdir()
+    real = shutil.which(name, path=slurm.environment["PATH"])
+    (place / name).write_text(f"#!/bin/sh\nreal={real}\n{script}")
+    (place / name).chmod(0o755)
+    return slurm.environment | {"PATH": f"{place}:{slurm.environment['PATH']}"}
+
+
 def test_cancel(slurm, program, folder):
-    build = Build(slurm, program, folder / "short", folder, "small", FAST).follow()
+    # It has more to do than there is time for, and says something then.
+    environment = with_program(slurm, folder / "slow", "scancel", """
+sleep 1.5
+echo 'Job/step already completing' >&2
+exec "$real" "$@"
+""")
+    build = Build(slurm, program, folder / "short", folder, "small", FAST, environment=environment).follow()
     build.wait_running("survey")
     build.process.send_signal(signal.SIGTERM)
     code, said = build.end(5)
     assert code == CANCELLED and "goes on from there" in said, (code, said)
     wait_until(lambda: not build.queue(), 20, "jobs were not cancelled")
     assert not build.map.exists() and (folder / ".small.units").exists()
+    check_attempts(build.jobs / "unit.sh", folder / "attempts")
+
+
+def check_attempts(script, folder):
+    """A second attempt of a unit waits for the first one, which Slurm has lost, and breaks none of its files."""
+    folder.mkdir()
+
+    def begin(command, *arguments):
+        return subprocess.Popen(["sh", script, folder, "merge", "merge", "finish", "0", "sh", "-c", command, *arguments],
+                                env=os.environ | {"PATH": f"{folder}:{os.environ['PATH']}"})
+
+    first = begin(f"echo first; until [ -e '{folder}/end' ]; do sleep 0.1; done; exit 0")
+    wait_until((folder / "merge.progress").exists, 10, "the first attempt did not begin")
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait()
+    second = begin("echo second; exit 9")
+    time.sleep(1)
+    (folder / "end").touch()
+    assert second.wait(20) == 9 and (folder / "merge.failed").read_text() == "9\n"
+    assert not (folder / "merge.out").exists(), "what an attempt that failed has printed"
+    assert begin("echo third").wait(20) == 0 and (folder / "merge.out").read_text() == "third\n"
+    assert begin("echo fourth; exit 9").wait(20) == 9 and (folder / "merge.out").read_text() == "third\n"
+    # A sign of life that could not be written is followed by others.
+    (folder / "merge.alive").unlink()
+    (folder / "merge.alive").mkdir()
+    (folder / "sleep").write_text("#!/bin/sh\nexec /bin/sleep 0.1\n")
+    (folder / "sleep").chmod(0o755)
+    fifth = begin("for i in $(seq 100); do [ ! -f \"$0\" ] || exit 0; sleep; done; exit 9", folder / "merge.alive")
+    time.sleep(1)
+    (folder / "merge.alive").rmdir()
+    assert fifth.wait(20) == 0
 
 
 def test_failure(slurm, program, folder):
@@ -166,6 +215,62 @@ def test_refusal(slurm, program, folder):
     build = Build(slurm, program, folder / "short", folder, "none", [*FAST, "--slurm-option=--partition=none"]).follow()
     code, said = build.end(60)
     assert code == 1 and "partition" in said and "--slurm-option" in said, (code, said)
+
+
+def test_hidden(slurm, program, folder):
+    """Jobs that squeue does not list are not submitted again and again."""
+    environment = with_program(slurm, folder / "hiding", "squeue", "exec \"$real\" \"$@\" --name=none\n")
+    build = Build(slurm, program, folder / "short", folder, "hidden", [*FAST, "--slurm-option=--hold"],
+                  environment=environment).follow()
+    code, said = build.end(60)
+    assert code == 1 and "does not list the job" in said, (code, said)
+    wait_until(lambda: not build.queue(), 20, "jobs are left")
+
+
+def test_limits(slurm, program, folder):
+    """What Slurm takes later, such as a job above a user's limit, ends no build that has begun."""
+    reached = folder / "reached"
+    environment = with_program(slurm, folder / "limits", "sbatch", f"""
+[ ! -e '{reached}' ] || {{ echo >>'{reached}'; echo 'job submit limit' >&2; exit 1; }}
+exec "$real" "$@"
+""")
+    # Habits of the user are not ours.
+    environment |= {"SQUEUE_STATES": "RUNNING", "SLURM_CLUSTERS": "none", "SBATCH_WAIT": "1"}
+    build = Build(slurm, program, folder / "short", folder, "limited", FAST, environment=environment).follow()
+    task = build.wait_running("survey")
+    other = copy.copy(build).follow(folder / "other_follower.log")
+    assert len({job for job, _ in build.queue().values()}) <= 5, build.queue()
+    reached.touch()
+    slurm.ask("scancel", "--full", task)
+    wait_until(lambda: len(reached.read_text()) >= 3, 60, f"not asked again: {build.text()}")
+    reached.unlink()
+    code, said = build.end()
+    assert code == 0 and said.count("job submit limit") == 1, (code, said)
+    # It has waited, and tells of the same map.
+    code, said = other.end(20)
+    assert code == 0 and "waits for another process" in said and digest_of(build.map) in said, (code, said)
+
+
+def test_other_options(slurm, program, folder):
+    """Jobs of other options have ended before those of this build begin: they share a folder."""
+    def names():
+        return set(slurm.ask("squeue", "-h", "-o", "%j").split())
+
+    build = Build(slurm, program, folder / "short", folder, "changed", FAST).follow()
+    build.wait_running("survey")
+    build.process.kill()
+    build.process.wait()
+    before = names()
+    environment = with_program(slurm, folder / "failing", "scancel", f"""
+[ -e '{folder}/failed' ] || {{ touch '{folder}/failed'; exit 1; }}
+exec "$real" "$@"
+""")
+    build = Build(slurm, program, folder / "short", folder, "changed", FAST, units=3, environment=environment).follow()
+    first = wait_until(lambda: names() != before and names(), 60, f"nothing is submitted: {build.text()}")
+    assert not first & before, (first, before)
+    build.process.send_signal(signal.SIGTERM)
+    assert build.end(5)[0] == CANCELLED, build.text()
+    wait_until(lambda: not build.queue(), 20, "jobs were not cancelled")
 
 
 def test_server(slurm, program, folder):
@@ -238,7 +343,8 @@ def main():
         shorter(drive, folder / "maps" / "short", FEW_SCANS)
         shorter(drive, folder / "maps" / "long", MANY_SCANS)
         with slurm_engine.Slurm(folder / "slurm") as slurm:
-            for test in (test_cancel, test_failure, test_refusal, test_server, test_kills):
+            for test in (test_cancel, test_failure, test_refusal, test_hidden, test_limits, test_other_options,
+                         test_server, test_kills):
                 if sys.argv[3:] and test.__name__ not in sys.argv[3:]:
                     continue
                 began = time.monotonic()

@@ -86,6 +86,13 @@ def one_run(arguments, number, folder, expected, longest_s):
     for step in steps_of(plan):
         killer.run(step)
     assert killer.killed > 0 or arguments.kills == 0, f"run {number}: no process was killed"
+    # As after a kill between the map and its report.
+    report = folder / "report.json"
+    subprocess.run(["sh", "-c", f"{steps_of(plan)[-1][0]} --json={shlex.quote(str(report))}"], check=True,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    said = json.loads(report.read_text())
+    assert said["digest"] == expected and said["points"]["in"] > 0, f"run {number}: {said}"
+    report.unlink()
     found = digest(target)
     left = sorted(each.name for each in folder.iterdir() if each.name not in ("map", "plan.txt", "whole"))
     assert found == expected, f"run {number}, {units} units: digest {found}, expected {expected}"

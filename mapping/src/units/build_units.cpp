@@ -2,6 +2,7 @@
 #include "pipeline/build.hpp"
 #include "pipeline/build_key.hpp"
 #include "pipeline/finish_stage.hpp"
+#include "pipeline/map_build_json.hpp"
 #include "pipeline/opened_drives.hpp"
 #include "pipeline/tile_window.hpp"
 #include "units/finished_records.hpp"
@@ -21,6 +22,7 @@
 #include <algorithm>
 #include <charconv>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -257,6 +259,20 @@ std::string merged_from(const fs::path& map) {
   return json.is_object() ? json.value("merged_from", std::string()) : std::string();
 }
 
+/// What the build of a map did that is there.
+MapBuildResult result_of(const fs::path& map) {
+  const fs::path file = map / "build.json";
+  std::ifstream stream(file);
+  try {
+    MapBuildResult result = build_result_from({std::istreambuf_iterator<char>(stream), {}});
+    // No file of a package holds it.
+    result.digest = maps::MapPackage::open(map)->digest();
+    return result;
+  } catch (const std::invalid_argument& error) {
+    throw maps::InputError(file.string(), error.what(), "the report of a build by this program");
+  }
+}
+
 [[noreturn]] void refuse_existing(const fs::path& target) {
   throw maps::InputError(target.string(), "an existing path", "a new one: give another name");
 }
@@ -269,9 +285,14 @@ void merge(Build& build, const fs::path& target, std::size_t units) {
     const FusedJournal fused(build, records, units);
     FinishedShares shares(build, fused, units);
     build.result.merged_from = shares.sum();
-    // Killed before the folder of the units was removed.
-    if (build.task.writer == nullptr && merged_from(target) == build.result.merged_from) return;
-    if (build.task.writer == nullptr) refuse_existing(target);
+    if (build.task.writer == nullptr) {
+      if (merged_from(target) != build.result.merged_from) refuse_existing(target);
+      // Killed before the folder of the units was removed.
+      MapBuildResult result = result_of(target);
+      result.notes = std::move(build.result.notes);
+      build.result = std::move(result);
+      return;
+    }
     read_fused(build, fused.journal, std::nullopt);
     add_to(build.result.stage_seconds, build.survey->stage_seconds);
     add_to(build.result.points, build.survey->counts);
@@ -365,8 +386,9 @@ MapBuildResult do_unit(const std::vector<fs::path>& folders, const fs::path& tar
   if (is_there && !merges) refuse_existing(target);
   if (is_there && !fs::exists(folder)) {
     if (merged_from(target).empty()) refuse_existing(target);
+    MapBuildResult result = result_of(target);
     fs::remove_all(done);
-    return {};
+    return result;
   }
   MapBuildResult result;
   {

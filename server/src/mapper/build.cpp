@@ -9,6 +9,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <iterator>
 #include <limits>
 #include <memory>
@@ -285,7 +286,8 @@ Remarks remarks_before(const BuildCommand& asked, bool is_whole) {
 }
 
 /// What `merge` said is what a build of one process says. The index is made there, too.
-void build_by_jobs(const BuildCommand& asked, const CLI::App& command) {
+/// @return whether it is told; not where another process has told it.
+bool build_by_jobs(const BuildCommand& asked, const CLI::App& command) {
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::require_usable_by_units(options, asked.units.units);
   const Remarks remarks = remarks_before(asked, false);
@@ -298,21 +300,28 @@ void build_by_jobs(const BuildCommand& asked, const CLI::App& command) {
       .memory_bytes = mapping::estimate_build(remarks.drives, options).memory_bytes,
       .options = asked.units.executor.slurm_options};
   command_line::say_when_cancelled(command_line::goes_on_from(mapping::units_folder(asked.map)));
-  std::string said;
+  SlurmResult result;
   run_with_progress(asked.progress, mapping::build_stages(options.register_to.has_value()),
                     [&](const mapping::ProgressCallback& progress) {
-                      said = build_in_slurm(build, progress, command_line::cancel_flag());
+                      result = build_in_slurm(build, progress, command_line::cancel_flag());
                     });
-  fmt::print("{}", said);
+  if (!result.said) return false;
+  fmt::print("{}", *result.said);
+  std::fflush(stdout);
+  return true;
 }
 
 void build(BuildCommand& asked, const CLI::App& command) {
   resolve_options(asked.arguments, command);
   if (asked.estimate) return print_estimate(asked.arguments, asked.json);
   require_unless_estimate(command, "--output");
-  const std::vector<mapping::BuildUnit> units = units_to_do(asked.units);
+  std::vector<mapping::BuildUnit> units = units_to_do(asked.units);
   if (!asked.units.plan.empty()) return write_plan(asked.units, asked.arguments.options, command);
-  if (asked.units.executor.is_slurm()) return build_by_jobs(asked, command);
+  if (asked.units.executor.is_slurm()) {
+    if (build_by_jobs(asked, command)) return;
+    // Says what came of a map that is there.
+    units = {{mapping::BuildUnit::Kind::kMerge}};
+  }
   const std::vector<std::filesystem::path>& drives = asked.arguments.drives;
   const mapping::MapBuildOptions& options = asked.arguments.options;
   mapping::MapBuildResult result;

@@ -5,19 +5,12 @@
 #include <stillmap/maps/hidden_beside.hpp>
 #include <stillmap/maps/map_package.hpp>
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <charconv>
 #include <chrono>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -31,6 +24,7 @@
 #include "command_line/option_value.hpp"
 #include "command_line/text_file.hpp"
 #include "errors/exit_codes.hpp"
+#include "mapper/slurm_folder.hpp"
 #include "mapper/slurm_jobs.hpp"
 #include "mapper/slurm_program.hpp"
 
@@ -43,12 +37,11 @@ using std::chrono::milliseconds;
 
 constexpr std::chrono::seconds kBetweenLooks{2};
 constexpr milliseconds kBetweenFlags{100};
-/// For `scancel`, of the second in which a cancelled program ends.
-constexpr milliseconds kForCancel{700};
+/// Of the second in which a cancelled program ends: for an `sbatch` that runs, and for `scancel`.
+constexpr milliseconds kForSubmission{400};
+constexpr milliseconds kForCancel{400};
 /// A program of Slurm that takes longer is taken for one without an answer.
 constexpr std::chrono::seconds kForAnswer{60};
-/// `sbatch` failed so often although `squeue` answers.
-constexpr int kMostRefusals = 3;
 
 /// What a job runs. The words of a build come as arguments, so no shell reads them.
 constexpr const char* kScript = R"(#!/bin/sh
@@ -66,42 +59,18 @@ if [ "$found" -ne "$count" ]; then
   echo "stillmap: $name was not begun: $found of $count units of the step '$earlier' are done" >&2
   exit 75
 fi
-while kill -0 $$ && date +%s >"$file.alive"; do sleep 10; done 2>/dev/null &
+while kill -0 $$; do date +%s >"$file.alive"; sleep 10; done 2>/dev/null &
 beat=$!
-# An earlier attempt may still run, although Slurm has lost it.
-flock "$file.lock" "$@" --unit "$name" >"$file.out" 3>"$file.progress"
+# An earlier attempt may still run, although Slurm has lost it: the files are its own until it ends.
+exec 9>"$file.lock"
+flock 9 || exit 75
+exec >"$file.out.new" 3>"$file.progress"
+"$@" --unit "$name"
 code=$?
 kill $beat
-if [ $code -eq 0 ]; then : >"$file.done"; else echo $code >"$file.failed"; fi
+if [ $code -eq 0 ]; then mv "$file.out.new" "$file.out" && : >"$file.done"; else echo $code >"$file.failed"; fi
 exit $code
 )";
-
-std::string file_text(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-/// Its last bytes: logs and lines of progress grow.
-std::string end_of(const fs::path& file) {
-  constexpr std::streamoff kBytes = 4096;
-  std::ifstream stream(file, std::ios::binary | std::ios::ate);
-  if (!stream) return {};
-  stream.seekg(std::max(std::streamoff{0}, std::streamoff{stream.tellg()} - kBytes));
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-std::optional<int> number_in(const fs::path& file) {
-  const std::string text = file_text(file);
-  int number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc() ? std::optional(number) : std::nullopt;
-}
-
-std::string last_line(std::string text) {
-  while (!text.empty() && (text.back() == '\n' || text.back() == '\0')) text.pop_back();
-  const std::size_t end = text.rfind('\n');
-  return end == std::string::npos ? text : text.substr(end + 1);
-}
 
 std::string trimmed(const std::string& text) {
   const std::size_t end = text.find_last_not_of(" \n");
@@ -125,40 +94,6 @@ void require_new(const fs::path& target) {
     throw maps::InputError(target.string(), "an existing path", "a new one: give another name");
 }
 
-/// One process follows the jobs of a build.
-class FollowerLock {
- public:
-  /// Waits for one that another server has lost sight of. @throws mapping::Cancelled.
-  FollowerLock(const fs::path& folder, const mapping::CancelFlag& cancel) {
-    std::error_code error;
-    fs::create_directories(folder, error);
-    if (error) throw maps::StorageError(folder.string(), error.message());
-    const fs::path file = folder / "follower.lock";
-    const int fd = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (fd < 0) throw maps::StorageError(file.string(), std::strerror(errno));
-    for (bool told = false; ::flock(fd, LOCK_EX | LOCK_NB) != 0; told = true) {
-      const int failed = errno;
-      if (failed == EWOULDBLOCK && !cancel) {
-        if (!told)
-          fmt::print(stderr, "stillmap: waits for another process that follows the jobs of {}\n",
-                     folder.string());
-        std::this_thread::sleep_for(kBetweenFlags);
-        continue;
-      }
-      ::close(fd);
-      if (cancel) throw mapping::Cancelled();
-      throw maps::StorageError(file.string(), std::strerror(failed));
-    }
-    descriptor_ = fd;
-  }
-  ~FollowerLock() { ::close(descriptor_); }
-  FollowerLock(const FollowerLock&) = delete;
-  FollowerLock& operator=(const FollowerLock&) = delete;
-
- private:
-  int descriptor_ = -1;
-};
-
 /// What a unit last said of its progress.
 struct UnitProgress {
   std::string stage;
@@ -168,7 +103,7 @@ struct UnitProgress {
 };
 
 std::optional<UnitProgress> progress_in(const fs::path& file, const std::string& unit) {
-  const auto json = nlohmann::json::parse(last_line(end_of(file)), nullptr, false);
+  const auto json = nlohmann::json::parse(last_line_in(file), nullptr, false);
   if (!json.is_object()) return std::nullopt;
   UnitProgress progress{json.value("stage", ""), json.value("done", std::size_t{0}),
                         json.value("total", std::size_t{0}), json.value("fraction", 0.0)};
@@ -186,20 +121,25 @@ class SlurmJobs {
         progress_(progress),
         cancel_(cancel),
         folder_(slurm_folder(build.target)),
-        lock_(folder_, cancel),
+        held_(std::make_shared<HeldFolder>(folder_, cancel)),
         plan_(plan_of(build)),
         name_(job_name(plan_)) {
     for (const auto& step : mapping::unit_steps(build.units)) {
       const std::string name = mapping::name_of(step.front());
-      steps_.push_back({name.substr(0, name.find(':')), step.size(), {}, {}});
+      steps_.push_back({name.substr(0, name.find(':')), step.size(), {}});
     }
   }
 
-  std::string run() {
+  SlurmResult run() {
+    // Another process has followed jobs to their end, and removed the folder.
+    if (!fs::exists(folder_ / "plan") && fs::exists(build_.target)) {
+      held_->set_done();
+      if (held_->plan_of_other() == plan_) return {std::nullopt, held_};
+    }
     begin();
     while (true) {
       if (cancel_) throw_cancelled();
-      if (const std::optional<std::vector<SlurmTask>> tasks = tasks_in_queue()) {
+      if (const std::optional<std::vector<SlurmTask>> tasks = tasks_in_queue(name_)) {
         const std::vector<StepState> states = states_with(*tasks);
         const SlurmActions actions = decide(states);
         if (actions.is_finished) return finish(*tasks);
@@ -212,14 +152,9 @@ class SlurmJobs {
   }
 
  private:
-  struct Life {
-    std::string sign;
-    Clock::time_point since;
-  };
   struct Step {
     std::string name;
     std::size_t units = 1;
-    std::map<std::size_t, Life> lives;
     std::map<std::size_t, std::size_t> attempts;
   };
 
@@ -235,10 +170,17 @@ class SlurmJobs {
     return is_array(step) ? fmt::format("{}:{}", step.name, number) : step.name;
   }
 
-  /// Waits for a program of Slurm, at most until the build is cancelled.
-  [[nodiscard]] ProgramOutput ask(const std::vector<std::string>& arguments) const {
-    const Clock::time_point end = Clock::now() + kForAnswer;
-    return run_slurm_program(arguments, [&] { return cancel_ || Clock::now() >= end; });
+  /// Waits for a program of Slurm.
+  /// @param when_cancelled  at most so long after the build is cancelled.
+  [[nodiscard]] ProgramOutput ask(const std::vector<std::string>& arguments,
+                                  milliseconds when_cancelled = milliseconds{0}) const {
+    Clock::time_point end = Clock::now() + kForAnswer;
+    bool is_cancelled = false;
+    return run_slurm_program(arguments, [&] {
+      if (cancel_ && !std::exchange(is_cancelled, true))
+        end = std::min(end, Clock::now() + when_cancelled);
+      return Clock::now() >= end;
+    });
   }
   [[nodiscard]] static bool did_well(const ProgramOutput& output) {
     return !output.was_left && output.exit_code == 0;
@@ -247,8 +189,12 @@ class SlurmJobs {
   static bool cancel_jobs(const std::string& name, milliseconds most) {
     const Clock::time_point end = Clock::now() + most;
     return did_well(run_slurm_program(
-        {"scancel", "--name=" + name}, [&] { return Clock::now() >= end; }, Unawaited::kGoesOn));
+        {"scancel", own_jobs(), "--name=" + name}, [&] { return Clock::now() >= end; },
+        Unawaited::kGoesOn));
   }
+
+  /// For squeue and scancel.
+  static std::string own_jobs() { return fmt::format("--user={}", ::geteuid()); }
 
   /// Until the next look.
   void pause() const {
@@ -261,17 +207,20 @@ class SlurmJobs {
     const fs::path plan = folder_ / "plan";
     const std::string found = file_text(plan);
     if (found != plan_) require_new(build_.target);
-    if (!found.empty() && found != plan_) (void)cancel_jobs(job_name(found), kForAnswer);
+    if (!found.empty() && found != plan_) end_jobs(job_name(found));
     std::optional<std::vector<SlurmTask>> tasks;
-    while (!(tasks = tasks_in_queue())) {
+    while (!(tasks = tasks_in_queue(name_))) {
       if (cancel_) throw_cancelled();
       pause();
     }
     // What failed is tried again. Without jobs every unit is asked again whether it is done: the
     // drives may have changed.
     const bool is_new = found != plan_ || (tasks->empty() && !fs::exists(build_.target));
+    was_taken_ = !tasks->empty();
     for (const Step& step : steps_) {
       for (std::size_t number = 1; number <= step.units; ++number) {
+        if (found != plan_) fs::remove(path(step, number, "alive"));
+        was_taken_ = was_taken_ || fs::exists(path(step, number, "alive"));
         fs::remove(path(step, number, "failed"));
         if (is_new) fs::remove(path(step, number, "done"));
       }
@@ -280,10 +229,25 @@ class SlurmJobs {
     command_line::write_text_file(plan, plan_);
   }
 
+  /// Cancels jobs of another plan until none is left: they write into the same folder.
+  void end_jobs(const std::string& name) {
+    for (bool told = false; true; told = true) {
+      if (cancel_) throw_cancelled();
+      const std::optional<std::vector<SlurmTask>> tasks = tasks_in_queue(name);
+      if (tasks && tasks->empty()) return;
+      if (tasks) (void)cancel_jobs(name, kForAnswer);
+      if (!told)
+        fmt::print(stderr,
+                   "stillmap: cancels the jobs of another build to {}, and waits for their end\n",
+                   build_.target.string());
+      pause();
+    }
+  }
+
   /// @return nothing while Slurm does not answer.
-  std::optional<std::vector<SlurmTask>> tasks_in_queue() {
-    const ProgramOutput output =
-        ask({"squeue", "--noheader", "--array", "--name=" + name_, "-O", kSqueueFormat});
+  std::optional<std::vector<SlurmTask>> tasks_in_queue(const std::string& name) {
+    const ProgramOutput output = ask({"squeue", "--noheader", "--array", "--all", "--states=all",
+                                      own_jobs(), "--name=" + name, "-O", kSqueueFormat});
     if (cancel_) return std::nullopt;
     const bool answers = did_well(output);
     if (answers != answers_)
@@ -291,9 +255,34 @@ class SlurmJobs {
           stderr, "stillmap: Slurm {}\n",
           answers ? "answers again" : "does not answer, waiting for it: " + trimmed(output.err));
     answers_ = answers;
-    if (answers) return tasks_from(output.out);
-    refusals_ = 0;
-    return std::nullopt;
+    if (!answers) {
+      refusals_ = 0;
+      return std::nullopt;
+    }
+    std::vector<SlurmTask> tasks = tasks_from(output.out);
+    require_seen(tasks);
+    std::erase_if(tasks, [](const SlurmTask& task) { return has_ended(task); });
+    return tasks;
+  }
+
+  /// Jobs that squeue does not show would be submitted again at every look.
+  void require_seen(const std::vector<SlurmTask>& tasks) {
+    if (submitted_.empty()) return;
+    const std::vector<SlurmJob> unseen = without_task(std::exchange(submitted_, {}), tasks);
+    if (unseen.empty()) unseen_.clear();
+    // A controller that takes the place of another may not know its last jobs: once is no fault.
+    const bool is_first = unseen_.empty();
+    for (const SlurmJob& job : unseen) unseen_.push_back(job.id);
+    if (unseen.empty() || is_first) return;
+    (void)cancel_jobs(name_, kForAnswer);
+    std::vector<std::string> words{"scancel"};
+    words.insert(words.end(), unseen_.begin(), unseen_.end());
+    (void)ask(words);
+    throw std::runtime_error(fmt::format(
+        "squeue does not list the job {0}, which sbatch has just submitted, with the name {1} and "
+        "the comment '{2}'; leave these as they are (see 'scontrol show job {0}' and the site's "
+        "filters of jobs)",
+        unseen.front().id, name_, unseen.front().step));
   }
 
   std::vector<StepState> states_with(const std::vector<SlurmTask>& tasks) {
@@ -316,9 +305,8 @@ class SlurmJobs {
         task.waited_s = waited_s(task);
         state.units[task.number - 1].tasks.push_back(std::move(task));
       }
-      for (std::size_t number = 1; number <= step.units; ++number)
-        state.units[number - 1].silent_s = silent_s(step, number, state.units[number - 1]);
     }
+    add_silence(states);
     return states;
   }
 
@@ -329,18 +317,22 @@ class SlurmJobs {
     return std::chrono::duration<double>(Clock::now() - since->second).count();
   }
 
-  /// By our own clock: those of other machines may differ.
-  double silent_s(Step& step, std::size_t number, const UnitState& unit) const {
-    const bool runs = std::ranges::any_of(
-        unit.tasks, [](const SlurmTask& task) { return task.state == "RUNNING"; });
-    if (!runs) {
-      step.lives.erase(number);
-      return 0.0;
+  void add_silence(std::vector<StepState>& states) {
+    std::map<std::string, UnitState*> running;
+    std::map<std::string, std::string> signs;
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      for (std::size_t number = 1; number <= steps_[i].units; ++number) {
+        UnitState& unit = states[i].units[number - 1];
+        if (std::ranges::none_of(unit.tasks,
+                                 [](const SlurmTask& task) { return task.state == "RUNNING"; }))
+          continue;
+        const std::string name = unit_name(steps_[i], number);
+        running[name] = &unit;
+        signs[name] = file_text(path(steps_[i], number, "alive"));
+      }
     }
-    std::string sign = file_text(path(step, number, "alive"));
-    const auto [life, is_new] = step.lives.try_emplace(number);
-    if (is_new || life->second.sign != sign) life->second = {std::move(sign), Clock::now()};
-    return std::chrono::duration<double>(Clock::now() - life->second.since).count();
+    for (const auto& [name, seconds] : silence_.look(signs, Clock::now()))
+      running.at(name)->silent_s = seconds;
   }
 
   void act(const SlurmActions& actions, const std::vector<StepState>& states) {
@@ -351,6 +343,7 @@ class SlurmJobs {
       words.insert(words.end(), actions.cancel.begin(), actions.cancel.end());
       if (!did_well(ask(words))) return;
     }
+    if (Clock::now() < next_submission_) return;
     const std::size_t current = first_not_done(states);
     std::string before;
     for (const SlurmSubmission& submission : actions.submit) {
@@ -391,20 +384,36 @@ class SlurmJobs {
                                earlier != nullptr ? earlier->name : "-",
                                std::to_string(earlier != nullptr ? earlier->units : 0)});
     words.insert(words.end(), build_.command.begin(), build_.command.end());
-    const ProgramOutput output = ask(words);
-    if (cancel_) return {};
+    // Jobs that Slurm takes after `scancel` would stay.
+    const ProgramOutput output = ask(words, kForSubmission);
+    if (cancel_) {
+      is_taken_perhaps_ = output.was_left;
+      return {};
+    }
     // "12", or "12;cluster"
     std::string job = output.out.substr(0, output.out.find_first_of(";\n"));
     if (did_well(output) && !job.empty()) {
+      was_taken_ = true;
       refusals_ = 0;
+      submitted_.push_back({job, step.name});
       return job;
     }
-    if (++refusals_ < kMostRefusals) return {};
-    (void)cancel_jobs(name_, kForAnswer);
-    throw std::runtime_error(
-        fmt::format("sbatch refused the units of the step '{}': {}; change what is asked for with "
-                    "--slurm-option and --threads",
-                    step.name, trimmed(output.err)));
+    ++refusals_;
+    const std::string refusal = fmt::format("sbatch refused the units of the step '{}': {}",
+                                            step.name, trimmed(output.err));
+    if (!was_taken_ && refusals_ == kMostRefusals) {
+      // One that did not answer may have been taken.
+      (void)cancel_jobs(name_, kForAnswer);
+      throw std::runtime_error(refusal +
+                               "; change what is asked for with --slurm-option and --threads");
+    }
+    if (was_taken_ && refusals_ == 1)
+      fmt::print(stderr,
+                 "stillmap: {}; asks again, after 5 minutes at the latest. If it goes on, stop "
+                 "this command, and give it again with other --slurm-option\n",
+                 refusal);
+    next_submission_ = Clock::now() + wait_after(refusals_);
+    return {};
   }
 
   /// In sbatch's own form, where % begins a symbol.
@@ -416,9 +425,9 @@ class SlurmJobs {
   }
 
   [[noreturn]] void throw_cancelled() const {
-    if (!cancel_jobs(name_, kForCancel))
+    if (!cancel_jobs(name_, kForCancel) || is_taken_perhaps_)
       fmt::print(stderr,
-                 "stillmap: Slurm has not yet cancelled the jobs; see 'squeue --name={0}', and "
+                 "stillmap: Slurm may not have cancelled all jobs; see 'squeue --name={0}', and "
                  "cancel them with 'scancel --name={0}'\n",
                  name_);
     throw mapping::Cancelled();
@@ -429,7 +438,7 @@ class SlurmJobs {
     const Step& step = steps_[failure.step];
     const std::string code = trimmed(file_text(path(step, failure.number, "failed")));
     const fs::path log = path(step, failure.number, "log");
-    const std::string said = last_line(end_of(log));
+    const std::string said = last_line_in(log);
     throw std::runtime_error(fmt::format(
         "the unit {} failed {}: {}; see {}, and give the same command again once that is mended",
         unit_name(step, failure.number),
@@ -463,27 +472,35 @@ class SlurmJobs {
       progress_(last->stage, last->done, last->total);
   }
 
-  std::string finish(const std::vector<SlurmTask>& tasks) const {
-    std::string said = file_text(path(steps_.back(), 1, "out"));
+  SlurmResult finish(const std::vector<SlurmTask>& tasks) const {
     // Attempts that another one overtook.
     if (!tasks.empty()) (void)cancel_jobs(name_, kForAnswer);
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
-    return said;
+    held_->set_done();
+    return {file_text(path(steps_.back(), 1, "out")), held_};
   }
 
   const SlurmBuild& build_;
   const mapping::ProgressCallback& progress_;
   const mapping::CancelFlag& cancel_;
   fs::path folder_;
-  FollowerLock lock_;
+  std::shared_ptr<HeldFolder> held_;
   std::string plan_;
   std::string name_;
   std::vector<Step> steps_;
   /// When a task was first seen waiting, by how often it was put back.
   std::map<std::pair<std::string, std::size_t>, Clock::time_point> waits_;
+  UnitSilence silence_;
+  /// Since the last answer of squeue.
+  std::vector<SlurmJob> submitted_;
+  /// Numbers of jobs that it did not list.
+  std::vector<std::string> unseen_;
   bool answers_ = true;
+  /// Slurm has taken a job of this plan.
+  bool was_taken_ = false;
+  /// Slurm may have taken one after this process stopped waiting for `sbatch`.
+  bool is_taken_perhaps_ = false;
   int refusals_ = 0;
+  Clock::time_point next_submission_;
 };
 
 }  // namespace
@@ -518,7 +535,7 @@ std::vector<std::string> unit_command(const CLI::App& command,
 
 fs::path slurm_folder(const fs::path& target) { return maps::hidden_beside(target, ".slurm"); }
 
-std::string build_in_slurm(const SlurmBuild& build, const mapping::ProgressCallback& progress,
+SlurmResult build_in_slurm(const SlurmBuild& build, const mapping::ProgressCallback& progress,
                            const mapping::CancelFlag& cancel) {
   if (!fs::exists(slurm_folder(build.target))) require_new(build.target);
   return SlurmJobs(build, progress, cancel).run();

@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,6 +43,15 @@ struct SlurmBuild {
   std::vector<std::string> options;
 };
 
+/// What came of the jobs.
+struct SlurmResult {
+  /// What the unit `merge` printed; nothing where another process has followed the same jobs to
+  /// their end, and told of it.
+  std::optional<std::string> said;
+  /// When this goes, the folder of the jobs is removed. To be kept until `said` is told.
+  std::shared_ptr<void> jobs;
+};
+
 /// The command of a unit: this program, called as this one was, without options of the executor.
 /// @param except  more options to leave out.
 [[nodiscard]] std::vector<std::string> unit_command(const CLI::App& command,
@@ -50,12 +61,11 @@ struct SlurmBuild {
 [[nodiscard]] std::filesystem::path slurm_folder(const std::filesystem::path& target);
 
 /// Submits the jobs of a build and follows them until the map is at its place. Jobs of the same
-/// build that are in Slurm already are followed, and not submitted again. When cancelled, it
-/// cancels them.
-/// @return what the unit `merge` printed.
-/// @throws std::runtime_error naming a unit that failed; mapping::Cancelled; maps::InputError when
-///         another process follows the build; maps::StorageError.
-std::string build_in_slurm(const SlurmBuild& build, const mapping::ProgressCallback& progress,
+/// build that are in Slurm already are followed, and not submitted again. Waits for another process
+/// that follows them. When cancelled, it cancels them.
+/// @throws std::runtime_error naming a unit that failed; mapping::Cancelled; maps::InputError for a
+///         target that exists; maps::StorageError.
+SlurmResult build_in_slurm(const SlurmBuild& build, const mapping::ProgressCallback& progress,
                            const mapping::CancelFlag& cancel);
 
 }  // namespace stillmap::mapper

@@ -1,10 +1,12 @@
 #include "mapper/slurm_jobs.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <iterator>
 #include <stdexcept>
 
 #include "errors/exit_codes.hpp"
@@ -21,6 +23,13 @@ std::optional<std::size_t> number_from(std::string_view text) {
   return number;
 }
 
+bool is_end(std::string_view state) {
+  constexpr std::array<std::string_view, 10> kEnds{
+      "BOOT_FAIL", "CANCELLED", "COMPLETED",     "DEADLINE", "FAILED",
+      "NODE_FAIL", "PREEMPTED", "OUT_OF_MEMORY", "REVOKED",  "TIMEOUT"};
+  return std::ranges::find(kEnds, state) != kEnds.end();
+}
+
 SlurmTask task_from(std::string_view line) {
   std::array<std::string_view, kFields> fields;
   std::string_view rest = line;
@@ -34,12 +43,13 @@ SlurmTask task_from(std::string_view line) {
   const auto [job, task, state, step, reason, restarts] = fields;
   const std::optional<std::size_t> number = task == "N/A" ? 1 : number_from(task);
   const std::optional<std::size_t> requeued = number_from(restarts);
-  if (!whole || !rest.empty() || !number_from(job) || !number || !requeued)
+  const bool is_known = number || is_end(state);
+  if (!whole || !rest.empty() || !number_from(job) || !is_known || !requeued)
     throw std::runtime_error(fmt::format(
         "squeue: found '{}', expected {}; use a Slurm of 20.02 or newer", line, kSqueueFormat));
   return {.id = task == "N/A" ? std::string(job) : fmt::format("{}_{}", job, task),
           .step = std::string(step),
-          .number = *number,
+          .number = number.value_or(0),
           .state = std::string(state),
           .reason = std::string(reason),
           .restarts = *requeued,
@@ -110,11 +120,68 @@ std::vector<SlurmTask> tasks_from(std::string_view text) {
   return tasks;
 }
 
+bool has_ended(const SlurmTask& task) { return is_end(task.state); }
+
+std::vector<SlurmJob> without_task(const std::vector<SlurmJob>& jobs,
+                                   const std::vector<SlurmTask>& tasks) {
+  std::vector<SlurmJob> missing;
+  std::ranges::copy_if(jobs, std::back_inserter(missing), [&](const SlurmJob& job) {
+    return std::ranges::none_of(tasks, [&](const SlurmTask& task) {
+      return task.id.substr(0, task.id.find('_')) == job.id && task.step == job.step;
+    });
+  });
+  return missing;
+}
+
+void require_usable_options(const std::vector<std::string>& options) {
+  constexpr std::array<std::string_view, 4> kLong{"array", "clusters", "test-only", "wait"};
+  constexpr std::string_view kShort = "aMW";
+  for (const std::string& option : options) {
+    const std::string_view word = std::string_view(option).substr(0, option.find('='));
+    // sbatch takes the first letters of a long one, too.
+    const bool is_long = word.size() > 2 && word.starts_with("--") &&
+                         std::ranges::any_of(kLong, [&](std::string_view name) {
+                           return name.starts_with(word.substr(2));
+                         });
+    const bool is_short =
+        word.size() > 1 && word[0] == '-' && kShort.find(word[1]) != std::string_view::npos;
+    if (is_long || is_short)
+      throw std::invalid_argument(fmt::format(
+          "--slurm-option: found '{}', expected none of --{}, which change the jobs or hide them "
+          "from this command; leave it out",
+          option, fmt::join(kLong, ", --")));
+  }
+}
+
 std::size_t first_not_done(const std::vector<StepState>& steps) {
   const auto first = std::ranges::find_if(steps, [](const StepState& step) {
     return !std::ranges::all_of(step.units, &UnitState::is_done);
   });
   return static_cast<std::size_t>(first - steps.begin());
+}
+
+std::map<std::string, double> UnitSilence::look(const std::map<std::string, std::string>& signs,
+                                                Clock::time_point now) {
+  const auto seconds_since = [&](Clock::time_point then) {
+    return std::chrono::duration<double>(now - then).count();
+  };
+  if (seconds_since(looked_) > kBlindAfterS) signs_.clear();
+  looked_ = now;
+  std::erase_if(signs_, [&](const auto& each) { return !signs.contains(each.first); });
+  std::map<std::string, double> silences;
+  for (const auto& [unit, text] : signs) {
+    Sign& sign = signs_.try_emplace(unit, Sign{text, now}).first->second;
+    if (sign.text != text) sign = {text, now};
+    silences[unit] = seconds_since(sign.since);
+  }
+  return silences;
+}
+
+std::chrono::seconds wait_after(int refusals) {
+  constexpr std::chrono::seconds kFirst{2};
+  constexpr std::chrono::seconds kLongest{300};
+  constexpr int kMostDoublings = 8;
+  return std::min(kFirst * (1 << std::min(refusals - 1, kMostDoublings)), kLongest);
 }
 
 SlurmActions decide(const std::vector<StepState>& steps) {

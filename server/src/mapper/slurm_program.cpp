@@ -7,10 +7,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 
 namespace stillmap::mapper {
@@ -60,12 +62,37 @@ class Pipe {
   bool is_open_ = true;
 };
 
-pid_t spawn(const std::vector<std::string>& arguments, const Pipe& out, const Pipe& err) {
+/// A user's own habits with Slurm's programs: they would hide jobs from us, send them to another
+/// cluster, or change what they are.
+bool is_habit(std::string_view variable) {
+  constexpr std::array<std::string_view, 7> kHabits{
+      "SQUEUE_",      "SCANCEL_",          "SLURM_CLUSTERS=", "SBATCH_CLUSTERS=",
+      "SBATCH_WAIT=", "SBATCH_ARRAY_INX=", "SBATCH_ERROR="};
+  return std::ranges::any_of(kHabits,
+                             [&](std::string_view habit) { return variable.starts_with(habit); });
+}
+
+std::vector<char*> environment_without_habits() {
+  std::vector<char*> variables;
+  for (char** each = environ; *each != nullptr; ++each)
+    if (!is_habit(*each)) variables.push_back(*each);
+  variables.push_back(nullptr);
+  return variables;
+}
+
+pid_t spawn(const std::vector<std::string>& arguments, const Pipe& out, const Pipe& err,
+            Unawaited then) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  ::posix_spawn_file_actions_adddup2(&actions, out.write_end(), STDOUT_FILENO);
-  ::posix_spawn_file_actions_adddup2(&actions, err.write_end(), STDERR_FILENO);
+  if (then == Unawaited::kGoesOn) {
+    // Pipes would break when this process ends, and end what writes to them.
+    ::posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  } else {
+    ::posix_spawn_file_actions_adddup2(&actions, out.write_end(), STDOUT_FILENO);
+    ::posix_spawn_file_actions_adddup2(&actions, err.write_end(), STDERR_FILENO);
+  }
   ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   posix_spawnattr_t attributes;
   ::posix_spawnattr_init(&attributes);
@@ -77,9 +104,10 @@ pid_t spawn(const std::vector<std::string>& arguments, const Pipe& out, const Pi
   std::vector<char*> words;
   for (const std::string& each : arguments) words.push_back(const_cast<char*>(each.c_str()));
   words.push_back(nullptr);
+  const std::vector<char*> variables = environment_without_habits();
   pid_t pid = -1;
   const int error =
-      ::posix_spawnp(&pid, words.front(), &actions, &attributes, words.data(), environ);
+      ::posix_spawnp(&pid, words.front(), &actions, &attributes, words.data(), variables.data());
   ::posix_spawnattr_destroy(&attributes);
   ::posix_spawn_file_actions_destroy(&actions);
   if (error != 0)
@@ -96,7 +124,7 @@ ProgramOutput run_slurm_program(const std::vector<std::string>& arguments,
                                 const std::function<bool()>& may_stop, Unawaited then) {
   Pipe out;
   Pipe err;
-  const pid_t pid = spawn(arguments, out, err);
+  const pid_t pid = spawn(arguments, out, err, then);
   out.close_write_end();
   err.close_write_end();
   ProgramOutput output;

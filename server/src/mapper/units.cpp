@@ -7,6 +7,7 @@
 #include "command_line/command_text.hpp"
 #include "command_line/run_program.hpp"
 #include "command_line/text_file.hpp"
+#include "mapper/slurm_jobs.hpp"
 
 namespace stillmap::mapper {
 namespace {
@@ -67,6 +68,7 @@ void require_usable(const UnitArguments& arguments) {
   if (!in_slurm && !arguments.executor.slurm_options.empty())
     throw std::invalid_argument(
         "--slurm-option has no effect without --executor slurm; leave it out");
+  require_usable_options(arguments.executor.slurm_options);
   if (arguments.units > 0 && !in_slurm && arguments.list.empty() && arguments.plan.empty())
     throw std::invalid_argument(
         "--units: found without --unit, --plan and --executor slurm; give one of them, or leave "

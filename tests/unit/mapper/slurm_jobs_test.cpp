@@ -80,6 +80,38 @@ TEST(SlurmQueue, OfAnotherFormIsRefused) {
     EXPECT_THROW((void)tasks_from(text), std::runtime_error) << text;
 }
 
+TEST(SlurmQueue, SaysWhatHasEnded) {
+  const auto tasks = tasks_from(
+      "7|N/A|COMPLETED|poses|None|0|\n"
+      "8|1|COMPLETING|survey|None|0|\n"
+      "9|1-4|CANCELLED|survey|None|0|\n");
+  ASSERT_THAT(tasks, SizeIs(3));
+  EXPECT_TRUE(has_ended(tasks[0]));
+  EXPECT_FALSE(has_ended(tasks[1]));
+  EXPECT_TRUE(has_ended(tasks[2]));
+  EXPECT_EQ(tasks[2].number, 0U);
+}
+
+TEST(SlurmQueue, ListsAJobByItsNumberAndStep) {
+  const auto tasks = tasks_from(
+      "7|N/A|COMPLETED|poses|None|0|\n"
+      "8|2|RUNNING|survey|None|0|\n"
+      "9|N/A|PENDING|of the site|None|0|\n");
+  const std::vector<SlurmJob> jobs{{"7", "poses"}, {"8", "survey"}, {"9", "fuse"}, {"10", "merge"}};
+  const auto missing = without_task(jobs, tasks);
+  ASSERT_THAT(missing, SizeIs(2));
+  EXPECT_EQ(missing[0].id, "9");
+  EXPECT_EQ(missing[1].id, "10");
+}
+
+TEST(SlurmOptions, ThatHideJobsAreRefused) {
+  for (const char* option : {"--clusters=x", "--cluster=x", "-M", "-Mx", "--wait", "-W",
+                             "--test-only", "--te", "--array=1-4", "-a1"})
+    EXPECT_THROW(require_usable_options({"--time=9", option}), std::invalid_argument) << option;
+  EXPECT_NO_THROW(require_usable_options({"--wait-all-nodes=1", "--account=a", "-Aa", "--time=9",
+                                          "--mem=8G", "-p", "long", "--constraint=a", "--", "-"}));
+}
+
 TEST(SlurmDecision, SubmitsFiveStepsThatWaitForEachOther) {
   const SlurmActions actions = decide(steps());
   ASSERT_THAT(actions.submit, SizeIs(5));
@@ -184,6 +216,32 @@ TEST(SlurmDecision, TriesAgainWhatWasKilled) {
   expect_nothing(decide(all));
 }
 
+TEST(SlurmSilence, LastsUntilTheSignOfAUnitChanges) {
+  UnitSilence silence;
+  UnitSilence::Clock::time_point now = UnitSilence::Clock::now();
+  const auto later = [&](int seconds) { return now += std::chrono::seconds(seconds); };
+  EXPECT_EQ(silence.look({{"survey:1", "a"}, {"survey:2", "a"}}, now).at("survey:1"), 0.0);
+  EXPECT_EQ(silence.look({{"survey:1", "a"}, {"survey:2", "b"}}, later(20)),
+            (std::map<std::string, double>{{"survey:1", 20.0}, {"survey:2", 0.0}}));
+  EXPECT_EQ(silence.look({{"survey:1", "a"}}, later(30)).at("survey:1"), 50.0);
+  // It ran in between on another machine, or not at all.
+  EXPECT_EQ(silence.look({{"survey:1", "a"}, {"survey:2", "b"}}, later(1)).at("survey:2"), 0.0);
+}
+
+TEST(SlurmSilence, CountsOnlyWhileSomebodyLooks) {
+  UnitSilence silence;
+  UnitSilence::Clock::time_point now = UnitSilence::Clock::now();
+  const auto after = [&](int seconds) {
+    now += std::chrono::seconds(seconds);
+    return silence.look({{"fuse", "a"}}, now).at("fuse");
+  };
+  EXPECT_EQ(after(0), 0.0);
+  EXPECT_EQ(after(20), 20.0);
+  // The disk was away.
+  EXPECT_EQ(after(180), 0.0);
+  EXPECT_EQ(after(20), 20.0);
+}
+
 TEST(SlurmDecision, CancelsATaskThatIsLostAndSubmitsItsUnitAgain) {
   auto all = surveying();
   all[kSurvey].units[1].silent_s = kLostAfterS;
@@ -203,6 +261,15 @@ TEST(SlurmDecision, CancelsATaskThatIsLostThoughItsUnitIsDone) {
   const SlurmActions actions = decide(all);
   EXPECT_THAT(actions.cancel, ElementsAre("2_2"));
   EXPECT_THAT(actions.submit, IsEmpty());
+}
+
+TEST(SlurmRefusals, AreFollowedByLongerAndLongerWaits) {
+  using std::chrono::seconds;
+  EXPECT_EQ(wait_after(1), seconds(2));
+  EXPECT_EQ(wait_after(2), seconds(4));
+  EXPECT_EQ(wait_after(8), seconds(256));
+  EXPECT_EQ(wait_after(9), seconds(300));
+  EXPECT_EQ(wait_after(1'000'000), seconds(300));
 }
 
 TEST(SlurmDecision, IsFinishedWithTheLastUnit) {

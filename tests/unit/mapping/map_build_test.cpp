@@ -13,6 +13,7 @@
 #include <numbers>
 #include <set>
 
+#include "pipeline/map_build_json.hpp"
 #include "pipeline/scan_work.hpp"
 #include "pipeline/surveyed_scan_bytes.hpp"
 #include "small_drive.hpp"
@@ -156,6 +157,55 @@ TEST_F(MapBuild, WarnsWhenManyPointsAreNearerThanWhatCarriesTheSensor) {
       ElementsAre(testing::StartsWith(fmt::format(
           "{:.0f} % of the points are left out, because they are nearer than --min-range 12 m",
           100.0 * static_cast<double>(near) / static_cast<double>(in)))));
+}
+
+TEST(MapBuildReport, IsReadAsItIsWritten) {
+  MapBuildResult result;
+  EXPECT_EQ(to_json(build_result_from(to_json(result))), to_json(result));
+  result.scans = 4;
+  result.resumed_scans = 1;
+  result.seconds = 2.5;
+  result.scans_per_second = 1.6;
+  result.peak_rss_mib = 70.5;
+  result.points = {{"in", 9}};
+  result.objects = {{"parked", 2}};
+  result.trajectory = {{"key_frames", 3}};
+  result.given_poses.emplace();
+  result.given_poses->use = GivenPosesUse::kExact;
+  GivenPoseErrors& errors = result.given_poses->errors;
+  errors.by_way = {{}, {.way_m = 5.0, .pairs = 2, .median_m = 0.5}};
+  errors.loops = {.pairs = 1, .p95_m = 0.25, .max_rad = 0.75};
+  errors.sigma_m = 0.125;
+  errors.sigma_rad = 0.5;
+  errors.asked = 7;
+  errors.denied = 6;
+  result.given_poses->neighbours_apart = 5;
+  result.given_poses->moved = {.max_m = 1.5, .median_rad = 0.5, .p95_rad = 0.625};
+  result.pose_faults = {{"gaps", "what", "remedy"}};
+  result.found_pose_time_offsets_s = {0.5};
+  result.consistency = {.mean_map_entropy = -2.5,
+                        .entropy_points = 8,
+                        .walls = {.cells = 4, .planar_cells = 2, .median_m = 0.5, .p95_m = 0.75},
+                        .ground = {}};
+  result.stage_seconds = {{"survey", 0.5}};
+  result.warnings = {"w"};
+  maps::Registration& registration = result.registration.emplace();
+  registration.previous_digest = "p";
+  registration.T_previous_map.translation() = Eigen::Vector3d(1.0, 2.0, 3.0);
+  registration.T_map_poses.linear() =
+      Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  registration.residual_m = 0.5;
+  registration.residual_rad = 0.25;
+  registration.scans_used = 2;
+  registration.scans_asked = 3;
+  result.merged_from = "m";
+  result.digest = "d";
+  const MapBuildResult read = build_result_from(to_json(result));
+  EXPECT_EQ(to_json(read), to_json(result));
+  // Neighbours are the first, also when no two scans are.
+  EXPECT_EQ(read.given_poses->errors.by_way.front().pairs, 0U);
+  EXPECT_THROW((void)build_result_from("{}"), std::invalid_argument);
+  EXPECT_THROW((void)build_result_from(""), std::invalid_argument);
 }
 
 TEST_F(MapBuild, ReportsTheConsistencyThatIsFoundInThePackage) {

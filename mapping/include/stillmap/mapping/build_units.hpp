@@ -55,8 +55,8 @@ void require_usable_by_units(const MapBuildOptions& options, std::size_t units);
 /// @param options  the same for all units, but for `threads`; with a cleaning method of ours. Its
 ///                 `journal_folder` is used in place of `units_folder`, and stays.
 /// @param units    the same for all.
-/// @return of `merge` what the build did; of the other units, and of `merge` where the map is there
-///         already, a result without a digest, with warnings.
+/// @return of `merge` what the build did, also where the map is there already; of the other units a
+///         result without a digest, with warnings.
 /// @throws as `build_map`; maps::InputError where a unit before this one is not done, or was done
 ///         for other scans, options, or by another program.
 MapBuildResult do_unit(const std::vector<std::filesystem::path>& drives,
