@@ -113,6 +113,34 @@ TEST_F(PostgresStateTest, GoesOnWhenItIsBack) {
   EXPECT_EQ(other.maps().size(), 2U);
 }
 
+TEST_F(PostgresStateTest, NobodyWaitsForOneThatHangs) {
+  StoreState state(*address_);
+  state.create_map("town", 1);
+  auto other = std::make_unique<StoreState>(*address_);
+  const KeyTable::Created key = state.keys().create("car", {15}, {}, kNow);
+  ASSERT_EQ(state.keys().check(key.text, kNow).verdict, Verdict::kGood);
+
+  postgres().freeze();
+  EXPECT_THROW(state.create_map("depot", 1), StateAway);
+  EXPECT_TRUE(in_the_end([&] { return !state.not_writable_because().empty(); }));
+  EXPECT_THROW((void)state.maps(), StateAway);
+  EXPECT_EQ(state.keys().check(key.text, kNow).verdict, Verdict::kGood);
+  EXPECT_THROW(const StoreState new_one(*address_), StateAway);
+  other.reset();
+
+  postgres().thaw();
+  EXPECT_TRUE(in_the_end([&] {
+    try {
+      state.create_map("depot", 1);
+      return true;
+    } catch (const StateAway&) {
+      return false;
+    }
+  }));
+  EXPECT_EQ(state.maps().size(), 2U);
+  EXPECT_TRUE(in_the_end([&] { return state.not_writable_because().empty(); }));
+}
+
 TEST_F(PostgresStateTest, AConnectionThatIsLostInBetweenIsNotSeen) {
   StoreState state(*address_);
   state.create_map("town", 1);
