@@ -23,12 +23,14 @@ constexpr Oid kInteger = 20, kText = 25, kReal = 701;
 /// "STMP": who writes to this state holds the advisory lock of this number.
 constexpr const char* kLockToWrite = "SELECT pg_advisory_xact_lock(1398033744)";
 constexpr const char* kLockOfPackages = "SELECT pg_advisory_lock(1398033745)";
-/// Whether a commit would wait for a standby that is not there. Who may not see what standbys do
-/// (`GRANT pg_monitor` lets a role) learns it by waiting.
+/// Whether a commit would wait for a standby that is not there, or that does not answer to one that
+/// was made before. Who may not see what standbys do (`GRANT pg_monitor` lets a role) learns it by
+/// waiting.
 constexpr const char* kStandbyIsAway =
-    "SELECT 1 WHERE current_setting('synchronous_standby_names') <> '' AND NOT EXISTS"
+    "SELECT 1 WHERE current_setting('synchronous_standby_names') <> '' AND (NOT EXISTS"
     " (SELECT 1 FROM pg_stat_replication WHERE sync_state IN ('sync', 'quorum')"
-    " OR sync_state IS NULL)";
+    " OR sync_state IS NULL) OR EXISTS (SELECT 1 FROM pg_stat_activity"
+    " WHERE wait_event = 'SyncRep' AND query_start < now() - interval '5 s'))";
 constexpr const char* kTellAll =
     "WITH counted AS (UPDATE changes SET n = n + 1) SELECT pg_notify('stillmap', '')";
 constexpr milliseconds kTryAgain{500};
@@ -37,6 +39,8 @@ constexpr milliseconds kLookEvery{200};
 /// hangs (a frozen machine, a stuck disk) ends nothing, and no timeout of TCP notices it.
 constexpr milliseconds kLongestAnswer{12'000};
 constexpr milliseconds kLongestAnswerToWatch{3'000};
+/// PostgreSQL's own limit does not count while a commit waits for its standby.
+constexpr milliseconds kLongestCommit{10'000};
 constexpr milliseconds kLongestWaitForPackages{62'000};
 
 /// A pose never waits for these; a change waits no longer than for SQLite's lock.
@@ -264,9 +268,9 @@ void PostgresDatabase::connect() {
 }
 
 void PostgresDatabase::note(void* self, const PGresult* notice) {
-  // Of a commit: "canceling wait for synchronous replication ...".
-  const char* const text = libpq().result_error(notice);
-  if (text != nullptr && std::strstr(text, "synchronous replication") != nullptr)
+  // Somebody has ended the wait of a commit. The text is in the language of the server.
+  const char* const from = libpq().error_field(notice, PG_DIAG_SOURCE_FUNCTION);
+  if (from != nullptr && std::strcmp(from, "SyncRepWaitForLSN") == 0)
     static_cast<PostgresDatabase*>(self)->not_replicated_ = true;
 }
 
@@ -362,9 +366,10 @@ void PostgresDatabase::begin_writing() {
   run("BEGIN", {});
   in_transaction_ = true;
   try {
-    send(kLockToWrite, {}, kLongestAnswer);
+    // First: a commit that waits for the standby holds the lock.
     if (libpq().rows(send(kStandbyIsAway, {}, kLongestAnswer).get()) > 0)
       throw StateAway(name(), "its synchronous standby is away: start it, or ask again later");
+    send(kLockToWrite, {}, kLongestAnswer);
   } catch (...) {
     roll_back();
     throw;
@@ -385,7 +390,7 @@ void PostgresDatabase::commit() {
   // Sent with the commit, to all who listen.
   send(kTellAll, {}, kLongestAnswer);
   not_replicated_ = false;
-  const Result result = send("COMMIT", {}, kLongestAnswer);
+  const Result result = send("COMMIT", {}, kLongestCommit);
   in_transaction_ = false;
   watch_.bump();
   if (std::strcmp(libpq().command(result.get()), "COMMIT") != 0)

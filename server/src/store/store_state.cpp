@@ -271,9 +271,10 @@ bool StoreState::create_map(std::string_view name, std::int64_t now_ns) {
   if (!is_valid_map_name(name))
     throw std::invalid_argument("map: " + in_quotes(name) + ", [a-z0-9][a-z0-9._-]{0,62} expected");
   Writing writing(inner_->database);
-  if (!insert_map(writing.database(), name, now_ns)) return false;
+  const bool is_new = insert_map(writing.database(), name, now_ns);
+  // Also without a change: what is there must be on the standby before this says so.
   writing.commit();
-  return true;
+  return is_new;
 }
 
 void StoreState::remove_map(std::string_view name, WhenActive when_active) {
@@ -338,10 +339,9 @@ StoredMap StoreState::activate(std::string_view map, std::string_view version,
   StoredMap now = known_map(database, map);
   check_revision(now, revision);
   (void)known_version(database, map, version);
-  if (now.active == version) return now;
-  StoredMap then = point_to(database, now, std::string(version), now_ns);
+  if (now.active != version) now = point_to(database, now, std::string(version), now_ns);
   writing.commit();
-  return then;
+  return now;
 }
 
 StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t> revision,
