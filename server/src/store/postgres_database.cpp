@@ -23,6 +23,9 @@ constexpr Oid kInteger = 20, kText = 25, kReal = 701;
 /// "STMP": who writes to this state holds the advisory lock of this number.
 constexpr const char* kLockToWrite = "SELECT pg_advisory_xact_lock(1398033744)";
 constexpr const char* kLockOfPackages = "SELECT pg_advisory_lock(1398033745)";
+constexpr const char* kCountHolder =
+    "INSERT INTO given_ids AS known (name, last) VALUES (?, 1)"
+    " ON CONFLICT (name) DO UPDATE SET last = known.last + 1 RETURNING last";
 /// Whether a commit would wait for a standby that is not there, or that does not answer to one that
 /// was made before. Who may not see what standbys do (`GRANT pg_monitor` lets a role) learns it by
 /// waiting.
@@ -366,19 +369,37 @@ void PostgresDatabase::begin_writing() {
   run("BEGIN", {});
   in_transaction_ = true;
   try {
-    // First: a commit that waits for the standby holds the lock.
-    if (libpq().rows(send(kStandbyIsAway, {}, kLongestAnswer).get()) > 0)
-      throw StateAway(name(), "its synchronous standby is away: start it, or ask again later");
-    send(kLockToWrite, {}, kLongestAnswer);
+    lock_to_write();
   } catch (...) {
     roll_back();
     throw;
   }
 }
 
-void PostgresDatabase::lock_packages() {
-  execute("SET statement_timeout TO '60s'; SET lock_timeout TO '60s'");
-  send(kLockOfPackages, {}, kLongestWaitForPackages);
+void PostgresDatabase::lock_to_write() {
+  // First: a commit that waits for the standby holds the lock.
+  if (libpq().rows(send(kStandbyIsAway, {}, kLongestAnswer).get()) > 0)
+    throw StateAway(name(), "its synchronous standby is away: start it, or ask again later");
+  send(kLockToWrite, {}, kLongestAnswer);
+}
+
+std::int64_t PostgresDatabase::lock_packages() {
+  // In one transaction: a connection that was made again in between would not have the lock.
+  run("BEGIN", {});
+  in_transaction_ = true;
+  try {
+    execute("SET LOCAL statement_timeout TO '60s'; SET LOCAL lock_timeout TO '60s'");
+    send(kLockOfPackages, {}, kLongestWaitForPackages);
+    execute("SET LOCAL statement_timeout TO '10s'; SET LOCAL lock_timeout TO '10s'");
+    lock_to_write();
+    Statement holder(*this, kCountHolder);
+    holder.bind(kHolderOfPackages).step();
+    commit();
+    return holder.integer(0);
+  } catch (...) {
+    roll_back();
+    throw;
+  }
 }
 
 void PostgresDatabase::begin_reading() {

@@ -99,8 +99,11 @@ class PostgresDatabase final : public Database {
   void roll_back() noexcept override;
 
   /// Waits for the lock of servers that move packages, at most a minute, and holds it as long as
-  /// this connection. @throws StateAway.
-  void lock_packages();
+  /// this connection. A connection can be lost in silence, and another server then gets the lock:
+  /// @return the number of this holder, which is `last_id(kHolderOfPackages)` until there is
+  /// another one. @throws StateAway.
+  std::int64_t lock_packages();
+  static constexpr const char* kHolderOfPackages = "packages";
 
   struct Clear {
     void operator()(pg_result* result) const;
@@ -118,6 +121,7 @@ class PostgresDatabase final : public Database {
  private:
   void connect();
   void disconnect() noexcept;
+  void lock_to_write();
   Result send(const std::string& sql, const std::vector<Value>& values,
               std::chrono::milliseconds longest);
   /// @param send  with one of libpq's functions. @throws StateAway also when it takes longer.

@@ -17,6 +17,7 @@ namespace {
 using Reason = StoreRefusal::Reason;
 using Reading = StoreDatabase::Reading;
 using Writing = StoreDatabase::Writing;
+using WritingOfPackages = StoreDatabase::WritingOfPackages;
 
 void check_revision(const StoredMap& map, std::optional<std::int64_t> revision) {
   if (!revision || *revision == map.revision) return;
@@ -168,6 +169,12 @@ std::shared_ptr<void> StoreState::lock_of_packages() const {
   return inner_->database.lock_of_packages();
 }
 
+void StoreState::require_current() const {
+  if (!is_shared()) return;
+  WritingOfPackages writing(inner_->database);
+  writing.commit();
+}
+
 bool StoreState::is_shared() const { return !inner_->database.is_sqlite(); }
 
 KeyTable& StoreState::keys() { return inner_->keys; }
@@ -279,7 +286,7 @@ bool StoreState::create_map(std::string_view name, std::int64_t now_ns) {
 
 void StoreState::remove_map(std::string_view name, WhenActive when_active) {
   inner_->database.even_when_full([&] {
-    Writing writing(inner_->database);
+    WritingOfPackages writing(inner_->database);
     Database& database = writing.database();
     const StoredMap map = known_map(database, name);
     if (map.active && when_active == WhenActive::kRefuse)
@@ -309,7 +316,7 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
 
 bool StoreState::add_version(std::string_view map, const StoredVersion& version,
                              const StoreQuota& quota, const std::optional<JobClaim>& job) {
-  Writing writing(inner_->database);
+  WritingOfPackages writing(inner_->database);
   Database& database = writing.database();
   if (job) note_published(database, *job, version.name);
   if (refuse_version(database, map, version, quota)) {
@@ -373,7 +380,7 @@ std::string StoreState::active_at(std::string_view map, std::int64_t time_ns) co
 
 void StoreState::remove_version(std::string_view map, std::string_view version) {
   inner_->database.even_when_full([&] {
-    Writing writing(inner_->database);
+    WritingOfPackages writing(inner_->database);
     Database& database = writing.database();
     const StoredMap now = known_map(database, map);
     const StoredVersion gone = known_version(database, map, version);
@@ -396,7 +403,7 @@ void StoreState::remove_version(std::string_view map, std::string_view version) 
 
 void StoreState::replace_package(std::string_view former, const StoredVersion& converted) {
   const std::string& digest = converted.digest;
-  Writing writing(inner_->database);
+  WritingOfPackages writing(inner_->database);
   Database& database = writing.database();
   Statement(database, "UPDATE versions SET digest = ?, bytes = ? WHERE digest = ?")
       .bind(digest)
@@ -431,7 +438,7 @@ std::vector<std::string> StoreState::packages_without_files() const {
 }
 
 void StoreState::note_files(std::string_view digest, const FileBytes& files) {
-  Writing writing(inner_->database);
+  WritingOfPackages writing(inner_->database);
   StoredVersion version;
   version.digest = digest;
   version.files = files;
@@ -469,7 +476,7 @@ std::vector<std::string> StoreState::condemned() const {
 
 void StoreState::forget_condemned(std::string_view digest) {
   inner_->database.even_when_full([&] {
-    Writing writing(inner_->database);
+    WritingOfPackages writing(inner_->database);
     Database& database = writing.database();
     Statement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
     writing.commit();
