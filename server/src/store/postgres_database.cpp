@@ -46,12 +46,15 @@ constexpr milliseconds kLongestAnswerToWatch{3'000};
 constexpr milliseconds kLongestCommit{10'000};
 constexpr milliseconds kLongestWaitForPackages{62'000};
 
-/// A pose never waits for these; a change waits no longer than for SQLite's lock.
+/// A pose never waits for these; a change waits no longer than for SQLite's lock. PostgreSQL keeps
+/// the locks of a machine that was cut off until it finds out, which by itself takes two hours.
 constexpr const char* kSession =
     "SET search_path TO stillmap;"
     "SET client_min_messages TO warning; SET synchronous_commit TO remote_apply;"
     "SET lock_timeout TO '10s'; SET statement_timeout TO '10s';"
-    "SET idle_in_transaction_session_timeout TO '10s';";
+    "SET idle_in_transaction_session_timeout TO '10s';"
+    "SET tcp_keepalives_idle TO 5; SET tcp_keepalives_interval TO 2;"
+    "SET tcp_keepalives_count TO 2; SET tcp_user_timeout TO 3000;";
 
 PGconn* connected(const PostgresAddress& address) {
   // What stands in the address comes later, so it wins.
