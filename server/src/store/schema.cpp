@@ -443,6 +443,22 @@ void refuse_foreign(SqliteDatabase& database, std::int64_t version) {
                            "the state of a map store");
 }
 
+/// @return nothing where there are no tables. @throws InputError when a newer program wrote it.
+std::optional<std::int64_t> version_of(PostgresDatabase& database) {
+  Statement is_new(database, "SELECT to_regclass('stillmap.schema_version') IS NULL");
+  is_new.step();
+  if (is_new.text(0) == "t") return std::nullopt;
+  Statement row(database, "SELECT version, least_program FROM schema_version");
+  row.step();
+  // A newer program's state is good for this one as far as that one says.
+  refuse_newer(database, row.integer(1), static_cast<std::int64_t>(kSteps.size()));
+  return row.integer(0);
+}
+
+}  // namespace
+
+int schema_version() { return static_cast<int>(kSteps.size()); }
+
 void migrate(SqliteDatabase& database) {
   std::int64_t version = database.pragma("user_version");
   refuse_foreign(database, version);
@@ -462,22 +478,6 @@ void migrate(SqliteDatabase& database) {
     version = database.pragma("user_version");
   }
 }
-
-/// @return nothing where there are no tables. @throws InputError when a newer program wrote it.
-std::optional<std::int64_t> version_of(PostgresDatabase& database) {
-  Statement is_new(database, "SELECT to_regclass('stillmap.schema_version') IS NULL");
-  is_new.step();
-  if (is_new.text(0) == "t") return std::nullopt;
-  Statement row(database, "SELECT version, least_program FROM schema_version");
-  row.step();
-  // A newer program's state is good for this one as far as that one says.
-  refuse_newer(database, row.integer(1), static_cast<std::int64_t>(kSteps.size()));
-  return row.integer(0);
-}
-
-}  // namespace
-
-int schema_version() { return static_cast<int>(kSteps.size()); }
 
 void migrate(PostgresDatabase& database) {
   const auto newest = static_cast<std::int64_t>(kSteps.size());
