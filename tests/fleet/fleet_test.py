@@ -348,6 +348,8 @@ def losses(fleet):
     yield "HAProxy (reload)", fleet.proxy.reload, lambda: None
     yield "PostgreSQL, primary", lambda: postgres.primary.kill(), lambda: postgres.primary.start()
     yield "PostgreSQL, standby", lambda: postgres.standby.kill(), lambda: postgres.standby.start()
+    yield "PostgreSQL, primary (hangs)", lambda: postgres.primary.freeze(), lambda: postgres.primary.thaw()
+    yield "PostgreSQL, standby (hangs)", lambda: postgres.standby.freeze(), lambda: postgres.standby.thaw()
     yield "PostgreSQL, primary; standby promoted", postgres.fail_over, postgres.add_standby
     yield "link of PostgreSQL's primary", lambda: net.cut(postgres.names[0]), lambda: net.mend(postgres.names[0])
     yield "S3", lambda: swift.kill("proxy"), lambda: swift.restart("proxy")

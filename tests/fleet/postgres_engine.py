@@ -1,5 +1,6 @@
 """A PostgreSQL of a test's own, which listens on a socket in its folder alone, and a pair of them with addresses."""
 
+import contextlib
 import os
 import pathlib
 import shutil
@@ -13,6 +14,15 @@ PORT = 5432
 
 def is_missing():
     return subprocess.run([str(SCRIPT), "--check"], check=False, capture_output=True).returncode != 0
+
+
+def signal_all(process, number):
+    """SIGSTOP: it hangs, as with its machine. SIGCONT: it goes on."""
+    process.send_signal(number)
+    children = pathlib.Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+    for child in children.split():
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(int(child), number)
 
 
 class Postgres:
@@ -40,6 +50,12 @@ class Postgres:
         """As in a crash."""
         self.process.send_signal(signal.SIGQUIT)
         self.process.wait()
+
+    def freeze(self):
+        signal_all(self.process, signal.SIGSTOP)
+
+    def thaw(self):
+        signal_all(self.process, signal.SIGCONT)
 
     def sql(self, text):
         done = subprocess.run(["psql", "-h", str(self.folder), "-U", "postgres", "-XAtqc", text], capture_output=True,
@@ -129,4 +145,5 @@ class PostgresPair:
     def stop(self):
         for each in (self.standby, self.primary):
             if each is not None and each.process.poll() is None:
+                each.thaw()
                 each.kill()

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """What server/docs/runbooks.md says of PostgreSQL, done: a primary and two standbys of which one must have each change.
-One standby is lost, then both, then the primary, and a standby is promoted. A vehicle asks for poses all the time.
+One standby is lost, then the other hangs, then both are lost, then the primary hangs for good, and a standby is promoted.
+A vehicle asks for poses all the time.
 
 usage: standby_test.py STILLMAP MAP DRIVE
 
@@ -10,6 +11,7 @@ MAP and DRIVE are those of sample_map.sh. Exit code 77: PostgreSQL is not instal
 import argparse
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -21,6 +23,7 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "soak"), str(HERE.parent / "deploy")]
 import support  # noqa: E402
+from postgres_engine import signal_all  # noqa: E402
 from serving import Server, run  # noqa: E402
 
 POSE = "/v1/maps/town/localize?prior_t=0,0,0&prior_q=0,0,0,1"
@@ -67,14 +70,18 @@ class Cluster:
     def wait(self, name, text, wanted):
         support.wait(lambda: self.sql(name, text) == wanted, 30)
 
+    def timers(self, name):
+        """Of its connections, as the system has them."""
+        return subprocess.run(["ss", "-Htno", f"sport = :{self.ports[name]}"], capture_output=True, text=True, check=True).stdout
+
     def kill(self, name):
-        """SIGKILL. Its children end by themselves when they miss it."""
-        self.processes[name].send_signal(signal.SIGKILL)
+        signal_all(self.processes[name], signal.SIGKILL)
         self.processes[name].wait()
 
     def end(self):
         for process in self.processes.values():
             if process.poll() is None:
+                signal_all(process, signal.SIGCONT)
                 process.send_signal(signal.SIGQUIT)
                 process.wait(30)
 
@@ -98,10 +105,13 @@ class Vehicle(threading.Thread):
 def test(cluster, server, log):
     made, count = [], 0
 
+    def put(name):
+        return server.ask("PUT", f"/v1/maps/{name}", timeout=60).status
+
     def change():
         nonlocal count
         count += 1
-        status = server.ask("PUT", f"/v1/maps/m{count}", timeout=60).status
+        status = put(f"m{count}")
         if status == 201:
             made.append(f"m{count}")
         return status
@@ -115,6 +125,13 @@ def test(cluster, server, log):
     cluster.kill("two")
     cluster.wait("one", streaming, "1")
     assert change() == 201, "one standby is enough"
+    assert re.search(r"keepalive,[\d.]+m?s", cluster.timers("one")), "a machine that was cut off holds its locks for hours"
+    signal_all(cluster.processes["three"], signal.SIGSTOP)
+    assert change() == 503
+    assert put(f"m{count}") == 503, "no standby has it"
+    assert server.ask("GET", "/v1/maps", timeout=5).status == 200
+    signal_all(cluster.processes["three"], signal.SIGCONT)
+    support.wait(lambda: change() == 201, 30)
     cluster.kill("three")
     cluster.wait("one", streaming, "0")
     assert change() == 503
@@ -122,13 +139,16 @@ def test(cluster, server, log):
     cluster.start("two")
     cluster.wait("one", streaming, "1")
     support.wait(lambda: change() == 201, 30)
-    cluster.kill("one")
+    signal_all(cluster.processes["one"], signal.SIGSTOP)
     assert change() == 503
+    support.wait(lambda: "is away" in server.ask("GET", "/readyz").body.decode(), 30)
+    assert server.ask("GET", "/v1/maps", timeout=5).status == 503
     begin = time.monotonic()
     cluster.call("pg_ctl", "promote", "-D", cluster.folder / "two", "-w")
     cluster.sql("two", "ALTER SYSTEM SET synchronous_standby_names = ''")
     cluster.sql("two", "SELECT pg_reload_conf()")
     support.wait(lambda: change() == 201, 30)
+    cluster.kill("one")
     print(f"the first change {time.monotonic() - begin:.1f} s after the promotion began")
     listed = {each["name"] for each in server.ask("GET", "/v1/maps").json["maps"]}
     assert set(made) <= listed, set(made) - listed

@@ -12,6 +12,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <stdexcept>
@@ -48,6 +49,9 @@ class PostgresServer {
     ::waitpid(process_, nullptr, 0);
     process_ = -1;
   }
+  /// As when its machine hangs: connections stay, and nobody answers.
+  void freeze() { signal_all(SIGSTOP); }
+  void thaw() { signal_all(SIGCONT); }
   [[nodiscard]] std::string address(const std::string& database) const {
     return "postgres:///" + database + "?user=postgres&host=" + folder_.path().string();
   }
@@ -60,6 +64,13 @@ class PostgresServer {
   }
 
  private:
+  void signal_all(int signal) const {
+    // The first one starts the others.
+    ::kill(process_, signal);
+    const std::string id = std::to_string(process_);
+    std::ifstream children("/proc/" + id + "/task/" + id + "/children");
+    for (pid_t child = 0; children >> child;) ::kill(child, signal);
+  }
   [[nodiscard]] bool answers() const {
     try {
       run("postgres", "SELECT 1");

@@ -166,12 +166,17 @@ ServedVersion MapCatalog::named(std::string_view map, std::string_view version) 
   return find(map, version);
 }
 
-/// @throws ApiError kMapLoading for a map whose newer version the store has and this does not
-/// serve.
+/// Asks no store: a pose waits for none. @throws ApiError kMapLoading for a map of which the store
+/// has a newer revision than this serves, or may have.
 void MapCatalog::require_revision(const ServedVersion& served, std::int64_t seen_revision) {
   if (served.revision >= seen_revision) return;
+  const std::int64_t stored = [&] {
+    const std::scoped_lock lock(mutex_);
+    const auto found = active_.find(served.map);
+    return found == active_.end() ? 0 : found->second.stored;
+  }();
   // A store that was restored has fewer revisions than clients have seen.
-  if (store_.state().map(served.map).revision <= served.revision) return;
+  if (stored <= served.revision && claims_.is_refuted(served.map, seen_revision)) return;
   refresh();
   throw ApiError(ErrorCode::kMapLoading,
                  fmt::format("this server still loads revision {} of map '{}': ask another server, "
@@ -394,8 +399,10 @@ void MapCatalog::follow_store(bool anyway) {
 /// Serves what the store says is active, as soon as it is loaded.
 void MapCatalog::follow_maps() {
   std::map<std::string, StoredMap, std::less<>> wanted;
+  claims_.begin_reading();
   for (StoredMap& map : store_.state().maps())
     if (map.active) wanted.emplace(map.name, std::move(map));
+  claims_.end_reading(wanted);
   {
     const std::scoped_lock lock(mutex_);
     std::erase_if(active_, [&](const auto& each) { return !wanted.contains(each.first); });
@@ -410,6 +417,7 @@ void MapCatalog::follow(const StoredMap& stored) {
   {
     const std::scoped_lock lock(mutex_);
     const auto known = active_.find(map);
+    if (known != active_.end()) known->second.stored = stored.revision;
     if (known != active_.end() && known->second.wanted == version) {
       // `serve` has done so, unless the store could not be read then.
       if (slots_.at(key).served.state == MapState::kReady) known->second.serving = version;
@@ -423,6 +431,7 @@ void MapCatalog::follow(const StoredMap& stored) {
   const ServedVersion& served = slots_.at(key).served;
   Active& active = active_[map];
   active.wanted = version;
+  active.stored = stored.revision;
   // What is being served goes on until the other is ready; without any, this one is loading.
   if (active.serving.empty() || served.state == MapState::kReady) {
     active.serving = version;
@@ -648,8 +657,10 @@ void MapCatalog::serve(const Key& key) {
   const StoredMap stored = store_.state().map(map);
   const std::scoped_lock lock(mutex_);
   if (!stored.active || *stored.active != key.second || !slots_.contains(key)) return;
-  active_.insert_or_assign(
-      map, Active{.serving = key.second, .wanted = key.second, .revision = stored.revision});
+  active_.insert_or_assign(map, Active{.serving = key.second,
+                                       .wanted = key.second,
+                                       .revision = stored.revision,
+                                       .stored = stored.revision});
 }
 
 void MapCatalog::note_failure(const Key& key, const std::string& why) {

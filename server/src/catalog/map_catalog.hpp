@@ -1,5 +1,6 @@
 #pragma once
 
+#include "catalog/revision_claims.hpp"
 #include "catalog/served_version.hpp"
 #include "catalog/version_facts.hpp"
 #include "catalog/version_loader.hpp"
@@ -68,8 +69,9 @@ class MapCatalog {
 
   /// The same, for poses. @param vehicle  as of `find_for`, without a version.
   /// @param seen_revision  of the map, as another server may have served it: what is older is not
-  /// given out unless the store has nothing newer.
-  /// @throws also ApiError kMapLoading, with Retry-After; StateAway.
+  /// given out unless the store, read after that was said first, had nothing so new.
+  /// @throws also ApiError kMapLoading, with Retry-After; StateAway for a version that is not
+  /// ready.
   [[nodiscard]] ServedVersion ready(std::string_view map, std::optional<std::string_view> version,
                                     std::string_view vehicle = {}, std::int64_t seen_revision = 0);
 
@@ -130,6 +132,8 @@ class MapCatalog {
     std::string wanted;
     /// The newest revision of the map that is known to have `serving` as its active version.
     std::int64_t revision = 0;
+    /// Of the map, as the store had it last.
+    std::int64_t stored = 0;
   };
 
   void go_on_following(const std::stop_token& stop);
@@ -177,6 +181,7 @@ class MapCatalog {
   std::uint64_t uses_ = 0;
   std::map<Key, Slot> slots_;
   std::map<std::string, Active, std::less<>> active_;
+  RevisionClaims claims_;
   std::map<std::string, Rollout, std::less<>> rollouts_;
   std::vector<MapSet> sets_;
   std::jthread following_, fetching_, loading_;  // last: they use all of the above

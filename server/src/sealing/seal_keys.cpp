@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -137,6 +138,9 @@ std::vector<SealKey> StoreSealKeys::keys() {
 
 namespace {
 
+/// Until then some servers may not know a new key.
+constexpr std::chrono::seconds kKnownEverywhere{5};
+
 std::int64_t ns_of(StateSealKeys::Clock::time_point time) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
 }
@@ -151,8 +155,9 @@ SealKey key_of(const SealKeyTable::Row& row) {
 }  // namespace
 
 StateSealKeys::StateSealKeys(SealKeyTable& table, const fs::path& store,
-                             std::function<Clock::time_point()> now)
-    : table_(table), now_(std::move(now)) {
+                             std::function<Clock::time_point()> now,
+                             std::function<Steady::time_point()> steady)
+    : table_(table), now_(std::move(now)), steady_(std::move(steady)) {
   if (!read()) {
     const fs::path file = store / kSealKeysName;
     const SealKey first = is_there(file) ? read_keys(file).front() : SealKey::make();
@@ -166,8 +171,21 @@ bool StateSealKeys::read() {
   std::vector<SealKeyTable::Row> rows = table_.newest();
   for (const SealKeyTable::Row& row : rows) (void)key_of(row);
   const std::scoped_lock lock(mutex_);
-  rows_ = std::move(rows);
-  return !rows_.empty();
+  const bool is_first = known_.empty();
+  std::vector<Known> known;
+  for (SealKeyTable::Row& row : rows) {
+    const auto before = std::find_if(known_.begin(), known_.end(),
+                                     [&](const Known& each) { return each.row == row; });
+    Steady::time_point seen = before == known_.end() ? steady_() : before->seen;
+    if (is_first) {
+      // The clock of whoever made it may be ahead.
+      const std::chrono::nanoseconds age(ns_of(now_()) - row.made_ns);
+      seen -= age.count() < 0 ? kKnownEverywhere : age;
+    }
+    known.push_back({std::move(row), seen});
+  }
+  known_ = std::move(known);
+  return !known_.empty();
 }
 
 void StateSealKeys::follow(const std::stop_token& stop) {
@@ -189,13 +207,11 @@ void StateSealKeys::follow(const std::stop_token& stop) {
 }
 
 std::vector<SealKey> StateSealKeys::keys() {
-  // Until then some servers may not know it.
-  constexpr std::chrono::seconds kKnownEverywhere{5};
   const std::scoped_lock lock(mutex_);
   std::vector<SealKey> keys;
-  for (const SealKeyTable::Row& row : rows_) keys.push_back(key_of(row));
+  for (const Known& each : known_) keys.push_back(key_of(each.row));
   if (keys.size() < 2) return keys;
-  const std::chrono::nanoseconds age(ns_of(now_()) - rows_.front().made_ns);
+  const Steady::duration age = steady_() - known_.front().seen;
   if (age < kKnownEverywhere)
     std::swap(keys[0], keys[1]);
   else if (age > kKnownEverywhere + kSealLife)

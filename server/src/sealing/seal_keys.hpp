@@ -60,16 +60,22 @@ class StoreSealKeys final : public SealKeySource {
 
 /// Keys in a state that servers share: a thread looks there every second, so that no vehicle waits
 /// for a state that does not answer. While it is away, the keys that are known count. All servers
-/// know a new key before it seals.
+/// that reach the state know a new key before it seals: each counts from when it saw the key first,
+/// so clocks may differ. Only a server that starts goes by its clock, for keys that are there.
+/// What remains: a server that is cut off from the state does not learn the new key. What it seals
+/// is refused by the others from a minute after they took the new key, until 5 s after it reaches
+/// the state again; such sessions begin anew.
 class StateSealKeys final : public SealKeySource {
  public:
   using Clock = std::chrono::system_clock;
+  using Steady = std::chrono::steady_clock;
 
   /// Where the state has none yet, takes that of the file `seal.keys` in `store`, or makes one.
-  /// @param table  outlives this. @param now  for tests.
+  /// @param table  outlives this. @param now, steady  for tests.
   /// @throws maps::InputError for a file without a key, StateAway, maps::StorageError.
   StateSealKeys(SealKeyTable& table, const std::filesystem::path& store,
-                std::function<Clock::time_point()> now = Clock::now);
+                std::function<Clock::time_point()> now = Clock::now,
+                std::function<Steady::time_point()> steady = Steady::now);
 
   [[nodiscard]] std::vector<SealKey> keys() override;
 
@@ -80,9 +86,15 @@ class StateSealKeys final : public SealKeySource {
 
   SealKeyTable& table_;
   std::function<Clock::time_point()> now_;
+  std::function<Steady::time_point()> steady_;
   std::mutex mutex_;
   std::condition_variable_any stopping_;
-  std::vector<SealKeyTable::Row> rows_;
+  struct Known {
+    SealKeyTable::Row row;
+    Steady::time_point seen;
+  };
+  /// The newest first.
+  std::vector<Known> known_;
   std::jthread thread_;  // last: it uses all of the above
 };
 

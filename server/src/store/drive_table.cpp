@@ -171,7 +171,10 @@ bool DriveTable::add_part(std::int64_t id, const DrivePart& part, const StoreQuo
   {
     Statement row(database, "SELECT sha256 FROM drive_parts WHERE drive = ? AND n = ?");
     if (row.bind(id).bind(part.n).step()) {
-      if (row.text(0) == part.sha256) return false;
+      if (row.text(0) == part.sha256) {
+        writing.commit();
+        return false;
+      }
       throw StoreRefusal(Reason::kOtherDigest, "part " + std::to_string(part.n) + " of " +
                                                    drive_name(drive) + " is " + row.text(0) +
                                                    " already: send the next part");
@@ -205,7 +208,10 @@ StoredDrive DriveTable::complete(std::int64_t id, std::int64_t now_ns,
   Writing writing(*database_);
   Database& database = writing.database();
   StoredDrive drive = known_drive(database, id);
-  if (drive.status == DriveStatus::kComplete) return drive;
+  if (drive.status == DriveStatus::kComplete) {
+    writing.commit();
+    return drive;
+  }
   if (drive.status != DriveStatus::kNeedsChoice) drive = open_drive(database, id);
   check_no_gap(database, drive);
   drive.inspection = inspection;

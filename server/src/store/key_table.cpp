@@ -184,12 +184,13 @@ ApiKey KeyTable::revoke(std::string_view id, std::int64_t now_ns) {
       throw StoreRefusal(StoreRefusal::Reason::kUnknownKey,
                          "there is no key '" + std::string(id) + "'");
     ApiKey key = key_of(row);
-    if (key.revoked_ns) return key;
-    key.revoked_ns = now_ns;
-    Statement(writing.database(), "UPDATE keys SET revoked_ns = ? WHERE id = ?")
-        .bind(now_ns)
-        .bind(id)
-        .step();
+    if (!key.revoked_ns) {
+      key.revoked_ns = now_ns;
+      Statement(writing.database(), "UPDATE keys SET revoked_ns = ? WHERE id = ?")
+          .bind(now_ns)
+          .bind(id)
+          .step();
+    }
     writing.commit();
     note_change();
     return key;

@@ -27,8 +27,12 @@ Libpq loaded() {
   find(library, "PQfinish", pq.finish);
   find(library, "PQstatus", pq.status);
   find(library, "PQerrorMessage", pq.error);
-  find(library, "PQexec", pq.exec);
-  find(library, "PQexecParams", pq.exec_params);
+  find(library, "PQsetnonblocking", pq.set_nonblocking);
+  find(library, "PQsendQuery", pq.send_query);
+  find(library, "PQsendQueryParams", pq.send_params);
+  find(library, "PQflush", pq.flush);
+  find(library, "PQisBusy", pq.is_busy);
+  find(library, "PQgetResult", pq.next_result);
   find(library, "PQresultStatus", pq.result_status);
   find(library, "PQresultErrorField", pq.error_field);
   find(library, "PQresultErrorMessage", pq.result_error);

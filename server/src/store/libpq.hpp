@@ -11,8 +11,12 @@ struct Libpq {
   decltype(&::PQfinish) finish;
   decltype(&::PQstatus) status;
   decltype(&::PQerrorMessage) error;
-  decltype(&::PQexec) exec;
-  decltype(&::PQexecParams) exec_params;
+  decltype(&::PQsetnonblocking) set_nonblocking;
+  decltype(&::PQsendQuery) send_query;
+  decltype(&::PQsendQueryParams) send_params;
+  decltype(&::PQflush) flush;
+  decltype(&::PQisBusy) is_busy;
+  decltype(&::PQgetResult) next_result;
   decltype(&::PQresultStatus) result_status;
   decltype(&::PQresultErrorField) error_field;
   decltype(&::PQresultErrorMessage) result_error;

@@ -370,6 +370,7 @@ PackageStore::Added PackageStore::add(std::string_view map, std::string_view ver
   const bool whole = find_whole(map, wanted);
   if (known && whole && !maker) {
     state_->signatures().add(map, wanted.digest, wanted.signatures);
+    state_->require_current();
     return {*known, false};
   }
   const DurableFiles files(*calls_);
@@ -489,10 +490,7 @@ PackageStore::Added PackageStore::publish(PackageFolder::Incoming& incoming,
     return commit(map, version, job);
   } catch (const StoreRefusal&) {
     // A part of a drive has taken the last bytes meanwhile, or the job was cancelled.
-    if (is_first && blobs_)
-      blobs_->remove(version.digest, state_->files());
-    else if (is_first)
-      packages_.remove(version.digest);
+    if (is_first) remove_files(version.digest);
     throw;
   }
 }
@@ -677,14 +675,20 @@ void PackageStore::clear_condemned_if_possible() {
 
 void PackageStore::clear_condemned() {
   for (const std::string& digest : state_->condemned()) {
-    if (blobs_) {
-      blobs_->remove(digest, state_->files());
-    } else {
-      packages_.remove(digest);
-      packages_.sync();
-    }
+    remove_files(digest);
+    if (!blobs_) packages_.sync();
     state_->forget_condemned(digest);
   }
+}
+
+/// Under the lock: of a package that no version names.
+void PackageStore::remove_files(const std::string& digest) {
+  const FileBytes others = blobs_ ? state_->files() : FileBytes();
+  state_->require_current();
+  if (blobs_)
+    blobs_->remove(digest, others);
+  else
+    packages_.remove(digest);
 }
 
 StoreLock PackageStore::locked() const {

@@ -29,7 +29,10 @@ class StorageError;
 
 namespace stillmap::server {
 
-/// Held while packages come and go: in the folder, and between servers that share a state.
+/// Held while packages come and go: in the folder, and between servers that share a state. Between
+/// servers it is lost with a connection to PostgreSQL, in silence. Then changes of rows are refused
+/// once another server has had it, and so is the next removal from S3. Only the files of the one
+/// package whose removal is under way at that moment still go.
 struct StoreLock {
   FolderLock folder;
   std::shared_ptr<void> state;
@@ -244,6 +247,7 @@ class PackageStore {
   [[nodiscard]] FindFile files_to_take(std::string_view map,
                                        const PackageFolder::Incoming* taken) const;
   void clear_condemned_if_possible();
+  void remove_files(const std::string& digest);
 
   std::filesystem::path folder_;
   DiskCalls* calls_;

@@ -4,8 +4,11 @@
 
 #include <poll.h>
 
+#include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <functional>
 #include <optional>
 #include <utility>
 
@@ -20,23 +23,38 @@ constexpr Oid kInteger = 20, kText = 25, kReal = 701;
 /// "STMP": who writes to this state holds the advisory lock of this number.
 constexpr const char* kLockToWrite = "SELECT pg_advisory_xact_lock(1398033744)";
 constexpr const char* kLockOfPackages = "SELECT pg_advisory_lock(1398033745)";
-/// Whether a commit would wait for a standby that is not there. Who may not see what standbys do
-/// (`GRANT pg_monitor` lets a role) learns it by waiting.
+constexpr const char* kCountHolder =
+    "INSERT INTO given_ids AS known (name, last) VALUES (?, 1)"
+    " ON CONFLICT (name) DO UPDATE SET last = known.last + 1 RETURNING last";
+/// Whether a commit would wait for a standby that is not there, or that does not answer to one that
+/// was made before. Who may not see what standbys do (`GRANT pg_monitor` lets a role) learns it by
+/// waiting.
 constexpr const char* kStandbyIsAway =
-    "SELECT 1 WHERE current_setting('synchronous_standby_names') <> '' AND NOT EXISTS"
+    "SELECT 1 WHERE current_setting('synchronous_standby_names') <> '' AND (NOT EXISTS"
     " (SELECT 1 FROM pg_stat_replication WHERE sync_state IN ('sync', 'quorum')"
-    " OR sync_state IS NULL)";
+    " OR sync_state IS NULL) OR EXISTS (SELECT 1 FROM pg_stat_activity"
+    " WHERE wait_event = 'SyncRep' AND query_start < now() - interval '5 s'))";
 constexpr const char* kTellAll =
     "WITH counted AS (UPDATE changes SET n = n + 1) SELECT pg_notify('stillmap', '')";
 constexpr milliseconds kTryAgain{500};
 constexpr milliseconds kLookEvery{200};
+/// How long to wait for an answer. PostgreSQL itself ends a statement after 10 s, but one that
+/// hangs (a frozen machine, a stuck disk) ends nothing, and no timeout of TCP notices it.
+constexpr milliseconds kLongestAnswer{12'000};
+constexpr milliseconds kLongestAnswerToWatch{3'000};
+/// PostgreSQL's own limit does not count while a commit waits for its standby.
+constexpr milliseconds kLongestCommit{10'000};
+constexpr milliseconds kLongestWaitForPackages{62'000};
 
-/// A pose never waits for these; a change waits no longer than for SQLite's lock.
+/// A pose never waits for these; a change waits no longer than for SQLite's lock. PostgreSQL keeps
+/// the locks of a machine that was cut off until it finds out, which by itself takes two hours.
 constexpr const char* kSession =
     "SET search_path TO stillmap;"
     "SET client_min_messages TO warning; SET synchronous_commit TO remote_apply;"
     "SET lock_timeout TO '10s'; SET statement_timeout TO '10s';"
-    "SET idle_in_transaction_session_timeout TO '10s';";
+    "SET idle_in_transaction_session_timeout TO '10s';"
+    "SET tcp_keepalives_idle TO 5; SET tcp_keepalives_interval TO 2;"
+    "SET tcp_keepalives_count TO 2; SET tcp_user_timeout TO 3000;";
 
 PGconn* connected(const PostgresAddress& address) {
   // What stands in the address comes later, so it wins.
@@ -53,7 +71,56 @@ PGconn* connected(const PostgresAddress& address) {
   const char* const values[] = {
       "read-write",           "2",    "3000", "5", "2", "2", "UTF8", "stillmap",
       address.text().c_str(), nullptr};
-  return libpq().connect(names, values, 1);
+  PGconn* const connection = libpq().connect(names, values, 1);
+  // Also what is sent must not wait for ever.
+  if (connection != nullptr) libpq().set_nonblocking(connection, 1);
+  return connection;
+}
+
+using GiveUp = std::function<bool()>;
+
+/// @return whether the socket is ready before the deadline.
+bool is_ready(int socket, short events, steady_clock::time_point deadline, const GiveUp& give_up) {
+  while (socket >= 0) {
+    const auto left = std::chrono::ceil<milliseconds>(deadline - steady_clock::now());
+    if (left.count() <= 0) return false;
+    pollfd waiting{socket, events, 0};
+    const int ready = ::poll(&waiting, 1, static_cast<int>(std::min(left, kLookEvery).count()));
+    if (ready > 0) return true;
+    if (ready < 0 && errno != EINTR) return false;
+    if (give_up()) return false;
+  }
+  return false;
+}
+
+/// Sends with one of libpq's functions, and waits for the result of the last statement.
+/// @param give_up  asked while there is no answer. @return null when the connection is lost, or
+/// when there is no answer within `longest`: the connection is then good for nothing but to be
+/// closed.
+PostgresDatabase::Result exec_within(PGconn* connection, milliseconds longest,
+                                     const GiveUp& give_up, const std::function<int()>& send) {
+  const Libpq& pq = libpq();
+  const auto deadline = steady_clock::now() + longest;
+  if (send() == 0) return nullptr;
+  PostgresDatabase::Result last;
+  const auto receive = [&](short events) {
+    return is_ready(pq.socket(connection), events, deadline, give_up) &&
+           pq.consume(connection) != 0;
+  };
+  while (true) {
+    const int unsent = pq.flush(connection);
+    if (unsent < 0 || (unsent > 0 && !receive(POLLIN | POLLOUT))) return nullptr;
+    if (unsent > 0) continue;
+    if (pq.is_busy(connection) != 0) {
+      if (receive(POLLIN)) continue;
+      // Before PostgreSQL closes a connection it says why.
+      const bool says_why = last && pq.result_status(last.get()) == PGRES_FATAL_ERROR;
+      return says_why ? std::move(last) : nullptr;
+    }
+    PGresult* const next = pq.next_result(connection);
+    if (next == nullptr) return last;
+    last.reset(next);
+  }
 }
 
 /// "town: no route\n\n" -> "town: no route"
@@ -190,14 +257,14 @@ void PostgresDatabase::connect() {
   // Whoever asks for a pose waits for no host that does not answer: the watch alone does.
   if (watch_.is_away()) throw StateAway(name(), "it does not answer");
   if (steady_clock::now() < try_again_) throw StateAway(name(), away_because_);
+  losses_ = watch_.losses();
   connection_ = connected(address_);
   try {
     if (connection_ == nullptr) throw StateAway(name(), "no memory");
     if (libpq().status(connection_) != CONNECTION_OK)
       throw StateAway(name(), one_line(libpq().error(connection_)));
     libpq().on_notice(connection_, &PostgresDatabase::note, this);
-    const Result result(libpq().exec(connection_, kSession));
-    check(result.get());
+    execute(kSession);
   } catch (const maps::StorageError& error) {
     away_because_ = std::string(error.what()).substr(name().size() + 2);
     try_again_ = steady_clock::now() + kTryAgain;
@@ -207,9 +274,9 @@ void PostgresDatabase::connect() {
 }
 
 void PostgresDatabase::note(void* self, const PGresult* notice) {
-  // Of a commit: "canceling wait for synchronous replication ...".
-  const char* const text = libpq().result_error(notice);
-  if (text != nullptr && std::strstr(text, "synchronous replication") != nullptr)
+  // Somebody has ended the wait of a commit. The text is in the language of the server.
+  const char* const from = libpq().error_field(notice, PG_DIAG_SOURCE_FUNCTION);
+  if (from != nullptr && std::strcmp(from, "SyncRepWaitForLSN") == 0)
     static_cast<PostgresDatabase*>(self)->not_replicated_ = true;
 }
 
@@ -231,8 +298,25 @@ void PostgresDatabase::check(PGresult* result) {
   throw maps::StorageError(name(), reason);
 }
 
+PostgresDatabase::Result PostgresDatabase::answer(const std::function<int()>& send,
+                                                  milliseconds longest) {
+  // What watches PostgreSQL finds sooner that it hangs.
+  const auto is_lost = [&] { return watch_.losses() != losses_; };
+  Result result = exec_within(connection_, longest, is_lost, send);
+  if (result == nullptr && libpq().status(connection_) == CONNECTION_OK) {
+    const std::string reason =
+        is_lost() ? "it does not answer"
+                  : "no answer within " + std::to_string(longest.count() / 1000) + " s";
+    disconnect();
+    throw StateAway(name(), reason);
+  }
+  check(result.get());
+  return result;
+}
+
 PostgresDatabase::Result PostgresDatabase::send(const std::string& sql,
-                                                const std::vector<Value>& values) {
+                                                const std::vector<Value>& values,
+                                                milliseconds longest) {
   if (connection_ == nullptr) connect();
   std::vector<Oid> types;
   std::vector<const char*> texts;
@@ -240,31 +324,35 @@ PostgresDatabase::Result PostgresDatabase::send(const std::string& sql,
     types.push_back(value.type);
     texts.push_back(value.text ? value.text->c_str() : nullptr);
   }
-  Result result(libpq().exec_params(connection_, sql.c_str(), static_cast<int>(values.size()),
-                                    types.data(), texts.data(), nullptr, nullptr, 0));
-  check(result.get());
+  Result result = answer(
+      [&] {
+        return libpq().send_params(connection_, sql.c_str(), static_cast<int>(values.size()),
+                                   types.data(), texts.data(), nullptr, nullptr, 0);
+      },
+      longest);
   changes_ = std::strtoll(libpq().changed(result.get()), nullptr, 10);
   return result;
 }
 
 PostgresDatabase::Result PostgresDatabase::run(const std::string& sql,
                                                const std::vector<Value>& values) {
-  if (in_transaction_) return send(sql, values);
+  if (in_transaction_) return send(sql, values, kLongestAnswer);
+  // The watch has another host now, or one that was started again.
+  if (watch_.losses() != losses_) disconnect();
   // A connection that lay idle may be gone, and its host no primary any more. What is outside of a
   // transaction only reads.
   const bool was_connected = connection_ != nullptr;
   try {
-    return send(sql, values);
+    return send(sql, values, kLongestAnswer);
   } catch (const StateAway&) {
     if (!was_connected || connection_ != nullptr) throw;
   }
-  return send(sql, values);
+  return send(sql, values, kLongestAnswer);
 }
 
 void PostgresDatabase::execute(const std::string& sql) {
   if (connection_ == nullptr) connect();
-  const Result result(libpq().exec(connection_, sql.c_str()));
-  check(result.get());
+  answer([&] { return libpq().send_query(connection_, sql.c_str()); }, kLongestAnswer);
 }
 
 std::unique_ptr<EngineStatement> PostgresDatabase::prepare(std::string_view sql) {
@@ -284,18 +372,37 @@ void PostgresDatabase::begin_writing() {
   run("BEGIN", {});
   in_transaction_ = true;
   try {
-    send(kLockToWrite, {});
-    if (libpq().rows(send(kStandbyIsAway, {}).get()) > 0)
-      throw StateAway(name(), "its synchronous standby is away: start it, or ask again later");
+    lock_to_write();
   } catch (...) {
     roll_back();
     throw;
   }
 }
 
-void PostgresDatabase::lock_packages() {
-  execute("SET statement_timeout TO '60s'; SET lock_timeout TO '60s'");
-  run(kLockOfPackages, {});
+void PostgresDatabase::lock_to_write() {
+  // First: a commit that waits for the standby holds the lock.
+  if (libpq().rows(send(kStandbyIsAway, {}, kLongestAnswer).get()) > 0)
+    throw StateAway(name(), "its synchronous standby is away: start it, or ask again later");
+  send(kLockToWrite, {}, kLongestAnswer);
+}
+
+std::int64_t PostgresDatabase::lock_packages() {
+  // In one transaction: a connection that was made again in between would not have the lock.
+  run("BEGIN", {});
+  in_transaction_ = true;
+  try {
+    execute("SET LOCAL statement_timeout TO '60s'; SET LOCAL lock_timeout TO '60s'");
+    send(kLockOfPackages, {}, kLongestWaitForPackages);
+    execute("SET LOCAL statement_timeout TO '10s'; SET LOCAL lock_timeout TO '10s'");
+    lock_to_write();
+    Statement holder(*this, kCountHolder);
+    holder.bind(kHolderOfPackages).step();
+    commit();
+    return holder.integer(0);
+  } catch (...) {
+    roll_back();
+    throw;
+  }
 }
 
 void PostgresDatabase::begin_reading() {
@@ -305,9 +412,9 @@ void PostgresDatabase::begin_reading() {
 
 void PostgresDatabase::commit() {
   // Sent with the commit, to all who listen.
-  send(kTellAll, {});
+  send(kTellAll, {}, kLongestAnswer);
   not_replicated_ = false;
-  const Result result = send("COMMIT", {});
+  const Result result = send("COMMIT", {}, kLongestCommit);
   in_transaction_ = false;
   watch_.bump();
   if (std::strcmp(libpq().command(result.get()), "COMMIT") != 0)
@@ -320,8 +427,11 @@ void PostgresDatabase::commit() {
 
 void PostgresDatabase::roll_back() noexcept {
   if (!std::exchange(in_transaction_, false) || connection_ == nullptr) return;
-  const Result result(libpq().exec(connection_, "ROLLBACK"));
-  if (libpq().status(connection_) != CONNECTION_OK) disconnect();
+  try {
+    execute("ROLLBACK");
+  } catch (const maps::StorageError&) {
+    disconnect();
+  }
 }
 
 PostgresWatch::PostgresWatch(const PostgresAddress& address)
@@ -334,17 +444,28 @@ void PostgresWatch::watch(const std::stop_token& stop) {
   };
   std::unique_ptr<PGconn, Finish> connection;
   std::string seen;
+  const auto ask = [&](const char* sql) {
+    return exec_within(
+        connection.get(), kLongestAnswerToWatch, [&] { return stop.stop_requested(); },
+        [&] { return pq.send_query(connection.get(), sql); });
+  };
   const auto listens = [&] {
-    const PostgresDatabase::Result result(pq.exec(connection.get(), "LISTEN stillmap"));
+    const PostgresDatabase::Result result = ask("LISTEN stillmap");
     return pq.result_status(result.get()) == PGRES_COMMAND_OK;
   };
+  const auto lose = [&] {
+    connection.reset();
+    ++losses_;
+  };
+  /// @return whether there was an answer.
   const auto look = [&] {
-    const PostgresDatabase::Result result(
-        pq.exec(connection.get(), "SELECT n FROM stillmap.changes"));
-    if (pq.rows(result.get()) != 1) return;
+    const PostgresDatabase::Result result = ask("SELECT n FROM stillmap.changes");
+    if (result == nullptr) return false;
+    if (pq.rows(result.get()) != 1) return true;
     heard_at_ = steady_clock::now();
     std::string now = pq.value(result.get(), 0, 0);
     if (std::exchange(seen, now) != now) ++mark_;
+    return true;
   };
   while (!stop.stop_requested()) {
     if (connection == nullptr) {
@@ -362,10 +483,14 @@ void PostgresWatch::watch(const std::stop_token& stop) {
     }
     pollfd waiting{pq.socket(connection.get()), POLLIN, 0};
     const int ready = ::poll(&waiting, 1, static_cast<int>(kLookEvery.count()));
-    // Finds also that the host is gone, which says nothing by itself.
-    if (ready == 0) look();
+    // Finds also that the host is gone or hangs, which says nothing by itself.
+    if (ready == 0 && !look() && pq.status(connection.get()) == CONNECTION_OK) {
+      is_away_ = true;
+      lose();
+      continue;
+    }
     if (pq.consume(connection.get()) == 0 || pq.status(connection.get()) != CONNECTION_OK) {
-      connection.reset();
+      lose();
       continue;
     }
     while (PGnotify* const told = pq.notification(connection.get())) {

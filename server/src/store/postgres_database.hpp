@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -56,7 +57,10 @@ class PostgresWatch {
   [[nodiscard]] std::int64_t mark() const { return mark_; }
   /// This process has changed something, and will not wait until it is told.
   void bump() { ++mark_; }
+  /// It cannot be reached, or hangs: noticed after some 3 s.
   [[nodiscard]] bool is_away() const { return is_away_; }
+  /// How often its own connection was lost. One that is older than that may be, too.
+  [[nodiscard]] std::int64_t losses() const { return losses_; }
   /// Since PostgreSQL answered last.
   [[nodiscard]] std::chrono::steady_clock::duration silence() const {
     return std::chrono::steady_clock::now() - heard_at_.load();
@@ -66,6 +70,7 @@ class PostgresWatch {
   void watch(const std::stop_token& stop);
   PostgresAddress address_;
   std::atomic<std::int64_t> mark_ = 0;
+  std::atomic<std::int64_t> losses_ = 0;
   std::atomic<bool> is_away_ = false;
   std::atomic<std::chrono::steady_clock::time_point> heard_at_{std::chrono::steady_clock::now()};
   std::jthread thread_;  // last: it uses all of the above
@@ -73,7 +78,8 @@ class PostgresWatch {
 
 /// A connection to PostgreSQL 15 or newer. Tables are in the schema `stillmap`. One that is lost is
 /// made again at the next use, with another host where the address names several. Commits return
-/// when synchronous standbys, where there are some, have applied them.
+/// when synchronous standbys, where there are some, have applied them. No call waits for ever: what
+/// has no answer in time throws StateAway.
 class PostgresDatabase final : public Database {
  public:
   /// @param watch  outlives this. @throws StateAway.
@@ -93,8 +99,11 @@ class PostgresDatabase final : public Database {
   void roll_back() noexcept override;
 
   /// Waits for the lock of servers that move packages, at most a minute, and holds it as long as
-  /// this connection. @throws StateAway.
-  void lock_packages();
+  /// this connection. A connection can be lost in silence, and another server then gets the lock:
+  /// @return the number of this holder, which is `last_id(kHolderOfPackages)` until there is
+  /// another one. @throws StateAway.
+  std::int64_t lock_packages();
+  static constexpr const char* kHolderOfPackages = "packages";
 
   struct Clear {
     void operator()(pg_result* result) const;
@@ -112,7 +121,11 @@ class PostgresDatabase final : public Database {
  private:
   void connect();
   void disconnect() noexcept;
-  Result send(const std::string& sql, const std::vector<Value>& values);
+  void lock_to_write();
+  Result send(const std::string& sql, const std::vector<Value>& values,
+              std::chrono::milliseconds longest);
+  /// @param send  with one of libpq's functions. @throws StateAway also when it takes longer.
+  Result answer(const std::function<int()>& send, std::chrono::milliseconds longest);
   /// @throws what a result that failed means.
   void check(pg_result* result);
   static void note(void* self, const pg_result* notice);
@@ -121,6 +134,8 @@ class PostgresDatabase final : public Database {
   PostgresWatch& watch_;
   pg_conn* connection_ = nullptr;
   bool in_transaction_ = false;
+  /// Those of the watch when this connection was made.
+  std::int64_t losses_ = 0;
   /// A commit is here, but a standby may not have it.
   bool not_replicated_ = false;
   std::int64_t changes_ = 0;

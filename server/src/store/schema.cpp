@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -442,6 +443,18 @@ void refuse_foreign(SqliteDatabase& database, std::int64_t version) {
                            "the state of a map store");
 }
 
+/// @return nothing where there are no tables. @throws InputError when a newer program wrote it.
+std::optional<std::int64_t> version_of(PostgresDatabase& database) {
+  Statement is_new(database, "SELECT to_regclass('stillmap.schema_version') IS NULL");
+  is_new.step();
+  if (is_new.text(0) == "t") return std::nullopt;
+  Statement row(database, "SELECT version, least_program FROM schema_version");
+  row.step();
+  // A newer program's state is good for this one as far as that one says.
+  refuse_newer(database, row.integer(1), static_cast<std::int64_t>(kSteps.size()));
+  return row.integer(0);
+}
+
 }  // namespace
 
 int schema_version() { return static_cast<int>(kSteps.size()); }
@@ -467,22 +480,23 @@ void migrate(SqliteDatabase& database) {
 }
 
 void migrate(PostgresDatabase& database) {
-  Transaction transaction(database);
-  const bool is_new = [&] {
-    Statement row(database, "SELECT to_regclass('stillmap.schema_version') IS NULL");
-    row.step();
-    return row.text(0) == "t";
-  }();
-  if (is_new) database.execute("CREATE SCHEMA IF NOT EXISTS stillmap");
-  if (is_new) database.execute(as_postgres(kPostgresBegin));
-  Statement row(database, "SELECT version, least_program FROM schema_version");
-  row.step();
   const auto newest = static_cast<std::int64_t>(kSteps.size());
-  // A newer program's state is good for this one as far as that one says.
-  refuse_newer(database, row.integer(1), newest);
-  const std::int64_t version = is_new ? kPostgresBegins : row.integer(0);
-  if (version >= newest && !is_new) return;
-  for (std::int64_t step = version; step < newest; ++step)
+  // A server starts also while nothing can be written.
+  {
+    const Transaction reading(database, Transaction::For::kReading);
+    const std::optional<std::int64_t> version = version_of(database);
+    if (version && *version >= newest) return;
+  }
+  Transaction transaction(database);
+  // Another process may have been first.
+  std::optional<std::int64_t> version = version_of(database);
+  if (version && *version >= newest) return;
+  if (!version) {
+    database.execute("CREATE SCHEMA IF NOT EXISTS stillmap");
+    database.execute(as_postgres(kPostgresBegin));
+    version = kPostgresBegins;
+  }
+  for (std::int64_t step = *version; step < newest; ++step)
     database.execute(as_postgres(kSteps.at(static_cast<std::size_t>(step))));
   Statement(database, "UPDATE schema_version SET version = ?, least_program = ?")
       .bind(newest)

@@ -57,9 +57,26 @@ StoreDatabase::StoreDatabase(const PostgresAddress& address)
 
 std::shared_ptr<void> StoreDatabase::lock_of_packages() {
   if (!address_) return nullptr;
-  const auto lock = std::make_shared<PostgresDatabase>(*address_, *watch_);
-  lock->lock_packages();
-  return lock;
+  struct Held {
+    explicit Held(StoreDatabase& locked)
+        : owner(locked), connection(*locked.address_, *locked.watch_) {}
+    ~Held() { owner.holder_ = 0; }
+    Held(const Held&) = delete;
+    Held& operator=(const Held&) = delete;
+    StoreDatabase& owner;
+    PostgresDatabase connection;
+  };
+  const auto held = std::make_shared<Held>(*this);
+  holder_ = held->connection.lock_packages();
+  return held;
+}
+
+void StoreDatabase::require_lock_of_packages() {
+  if (holder_ == 0 || database_->last_id(PostgresDatabase::kHolderOfPackages) == holder_) return;
+  throw StateAway(
+      database_->name(),
+      "this server has lost the lock of packages, and another one has had it since: ask "
+      "again");
 }
 
 void StoreDatabase::copy_to(SqliteDatabase& file) {

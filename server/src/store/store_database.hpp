@@ -3,6 +3,7 @@
 #include "store/disk_calls.hpp"
 #include "store/disk_full.hpp"
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -67,6 +68,16 @@ class StoreDatabase {
     Transaction transaction_;
   };
 
+  /// The same, of rows that name packages. @throws also StateAway when this server had the lock of
+  /// packages, has lost it, and another one has had it since: that one may have removed what a row
+  /// is about, or taken what is to be removed.
+  class WritingOfPackages : public Writing {
+   public:
+    explicit WritingOfPackages(StoreDatabase& owner) : Writing(owner) {
+      owner.require_lock_of_packages();
+    }
+  };
+
   /// For what removes or revokes: on a full disk the ballast is removed, and it is tried once more.
   /// @param change  has changed nothing when it throws DiskFull.
   template <typename Change>
@@ -79,7 +90,8 @@ class StoreDatabase {
     return change();
   }
   /// Held by who moves packages, between servers that share a state; null for SQLite, whose store
-  /// has a lock in its folder.
+  /// has a lock in its folder. One at a time. It is lost with its connection: see
+  /// `WritingOfPackages`.
   [[nodiscard]] std::shared_ptr<void> lock_of_packages();
   /// Another one after every change, as PostgreSQL has told it: known without asking, and the same
   /// while PostgreSQL is away. Nothing for SQLite, which is asked in no time.
@@ -107,6 +119,7 @@ class StoreDatabase {
   void only_read(const maps::StorageError& because);
   void read_into_memory();
   [[nodiscard]] Database& writable();
+  void require_lock_of_packages();
 
   /// Empty for PostgreSQL.
   std::filesystem::path file_;
@@ -117,6 +130,8 @@ class StoreDatabase {
   mutable std::mutex ballast_mutex_;
   std::unique_ptr<PostgresWatch> watch_;
   std::unique_ptr<Database> database_;
+  /// Of the lock of packages, while this has it; else 0.
+  std::atomic<std::int64_t> holder_ = 0;
   /// The same; null for PostgreSQL.
   SqliteDatabase* sqlite_ = nullptr;
   /// Closed first: the last one open folds the log into the file, and this one may not. Null where

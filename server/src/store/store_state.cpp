@@ -17,6 +17,7 @@ namespace {
 using Reason = StoreRefusal::Reason;
 using Reading = StoreDatabase::Reading;
 using Writing = StoreDatabase::Writing;
+using WritingOfPackages = StoreDatabase::WritingOfPackages;
 
 void check_revision(const StoredMap& map, std::optional<std::int64_t> revision) {
   if (!revision || *revision == map.revision) return;
@@ -168,6 +169,12 @@ std::shared_ptr<void> StoreState::lock_of_packages() const {
   return inner_->database.lock_of_packages();
 }
 
+void StoreState::require_current() const {
+  if (!is_shared()) return;
+  WritingOfPackages writing(inner_->database);
+  writing.commit();
+}
+
 bool StoreState::is_shared() const { return !inner_->database.is_sqlite(); }
 
 std::optional<std::int64_t> StoreState::told_mark() const { return inner_->database.told_mark(); }
@@ -281,14 +288,15 @@ bool StoreState::create_map(std::string_view name, std::int64_t now_ns) {
   if (!is_valid_map_name(name))
     throw std::invalid_argument("map: " + in_quotes(name) + ", [a-z0-9][a-z0-9._-]{0,62} expected");
   Writing writing(inner_->database);
-  if (!insert_map(writing.database(), name, now_ns)) return false;
+  const bool is_new = insert_map(writing.database(), name, now_ns);
+  // Also without a change: what is there must be on the standby before this says so.
   writing.commit();
-  return true;
+  return is_new;
 }
 
 void StoreState::remove_map(std::string_view name, WhenActive when_active) {
   inner_->database.even_when_full([&] {
-    Writing writing(inner_->database);
+    WritingOfPackages writing(inner_->database);
     Database& database = writing.database();
     const StoredMap map = known_map(database, name);
     if (map.active && when_active == WhenActive::kRefuse)
@@ -318,7 +326,7 @@ void StoreState::remove_map(std::string_view name, WhenActive when_active) {
 
 bool StoreState::add_version(std::string_view map, const StoredVersion& version,
                              const StoreQuota& quota, const std::optional<JobClaim>& job) {
-  Writing writing(inner_->database);
+  WritingOfPackages writing(inner_->database);
   Database& database = writing.database();
   if (job) note_published(database, *job, version.name);
   if (refuse_version(database, map, version, quota)) {
@@ -348,10 +356,9 @@ StoredMap StoreState::activate(std::string_view map, std::string_view version,
   StoredMap now = known_map(database, map);
   check_revision(now, revision);
   (void)known_version(database, map, version);
-  if (now.active == version) return now;
-  StoredMap then = point_to(database, now, std::string(version), now_ns);
+  if (now.active != version) now = point_to(database, now, std::string(version), now_ns);
   writing.commit();
-  return then;
+  return now;
 }
 
 StoredMap StoreState::roll_back(std::string_view map, std::optional<std::int64_t> revision,
@@ -383,7 +390,7 @@ std::string StoreState::active_at(std::string_view map, std::int64_t time_ns) co
 
 void StoreState::remove_version(std::string_view map, std::string_view version) {
   inner_->database.even_when_full([&] {
-    Writing writing(inner_->database);
+    WritingOfPackages writing(inner_->database);
     Database& database = writing.database();
     const StoredMap now = known_map(database, map);
     const StoredVersion gone = known_version(database, map, version);
@@ -406,7 +413,7 @@ void StoreState::remove_version(std::string_view map, std::string_view version) 
 
 void StoreState::replace_package(std::string_view former, const StoredVersion& converted) {
   const std::string& digest = converted.digest;
-  Writing writing(inner_->database);
+  WritingOfPackages writing(inner_->database);
   Database& database = writing.database();
   Statement(database, "UPDATE versions SET digest = ?, bytes = ? WHERE digest = ?")
       .bind(digest)
@@ -441,7 +448,7 @@ std::vector<std::string> StoreState::packages_without_files() const {
 }
 
 void StoreState::note_files(std::string_view digest, const FileBytes& files) {
-  Writing writing(inner_->database);
+  WritingOfPackages writing(inner_->database);
   StoredVersion version;
   version.digest = digest;
   version.files = files;
@@ -479,7 +486,7 @@ std::vector<std::string> StoreState::condemned() const {
 
 void StoreState::forget_condemned(std::string_view digest) {
   inner_->database.even_when_full([&] {
-    Writing writing(inner_->database);
+    WritingOfPackages writing(inner_->database);
     Database& database = writing.database();
     Statement(database, "DELETE FROM condemned WHERE digest = ?").bind(digest).step();
     writing.commit();

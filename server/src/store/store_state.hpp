@@ -95,6 +95,10 @@ class StoreState {
 
   /// As `StoreDatabase::lock_of_packages`.
   [[nodiscard]] std::shared_ptr<void> lock_of_packages() const;
+  /// Returns when all that was read is on the synchronous standby, too, and no other server has
+  /// got the lock of packages from this one. Before what cannot be undone, such as the removal of a
+  /// package. @throws StateAway, StorageError.
+  void require_current() const;
   /// Whether servers with folders of their own may share it.
   [[nodiscard]] bool is_shared() const;
   /// As `StoreDatabase::told_mark`: while it stays the same, all that can be read stays the same.

@@ -1,5 +1,7 @@
 #include "store/store_upkeep.hpp"
 
+#include <algorithm>
+#include <cstddef>
 #include <map>
 #include <utility>
 
@@ -41,11 +43,19 @@ ClearedPackages clear_unused(PackageStore& store) {
     store.clear_condemned();
     if (PackageBlobs* const blobs = store.blobs()) {
       const std::vector<std::string> unnamed = blobs->unnamed(store.state().files());
-      blobs->remove_blobs(unnamed);
+      // A few at a time: the lock may be lost meanwhile.
+      constexpr std::ptrdiff_t kAtOnce = 100;
+      for (auto begin = unnamed.begin(); begin != unnamed.end();) {
+        const auto end = begin + std::min(kAtOnce, unnamed.end() - begin);
+        store.state().require_current();
+        blobs->remove_blobs({begin, end});
+        begin = end;
+      }
       cleared.blobs = cleared.blobs.value_or(0) + unnamed.size();
       return;
     }
     if (cleared.packages.empty()) cleared.packages = unnamed_packages(store);
+    store.state().require_current();
     for (const std::string& digest : cleared.packages) store.packages().remove(digest);
     cleared.leftovers += store.packages().clear_leftovers();
     store.packages().sync();

@@ -113,6 +113,34 @@ TEST_F(PostgresStateTest, GoesOnWhenItIsBack) {
   EXPECT_EQ(other.maps().size(), 2U);
 }
 
+TEST_F(PostgresStateTest, NobodyWaitsForOneThatHangs) {
+  StoreState state(*address_);
+  state.create_map("town", 1);
+  auto other = std::make_unique<StoreState>(*address_);
+  const KeyTable::Created key = state.keys().create("car", {15}, {}, kNow);
+  ASSERT_EQ(state.keys().check(key.text, kNow).verdict, Verdict::kGood);
+
+  postgres().freeze();
+  EXPECT_THROW(state.create_map("depot", 1), StateAway);
+  EXPECT_TRUE(in_the_end([&] { return !state.not_writable_because().empty(); }));
+  EXPECT_THROW((void)state.maps(), StateAway);
+  EXPECT_EQ(state.keys().check(key.text, kNow).verdict, Verdict::kGood);
+  EXPECT_THROW(const StoreState new_one(*address_), StateAway);
+  other.reset();
+
+  postgres().thaw();
+  EXPECT_TRUE(in_the_end([&] {
+    try {
+      state.create_map("depot", 1);
+      return true;
+    } catch (const StateAway&) {
+      return false;
+    }
+  }));
+  EXPECT_EQ(state.maps().size(), 2U);
+  EXPECT_TRUE(in_the_end([&] { return state.not_writable_because().empty(); }));
+}
+
 TEST_F(PostgresStateTest, AConnectionThatIsLostInBetweenIsNotSeen) {
   StoreState state(*address_);
   state.create_map("town", 1);
@@ -141,6 +169,7 @@ TEST_F(PostgresStateTest, ChangesNothingWhileTheSynchronousStandbyIsAway) {
   const std::size_t before = state.maps().size();
   EXPECT_THROW(state.create_map("town", 1), StateAway);
   EXPECT_EQ(state.maps().size(), before) << "poses and reads go on, and nothing was written";
+  EXPECT_EQ(StoreState(*address_).maps().size(), before) << "a server may start";
   set_standby("");
   EXPECT_TRUE(in_the_end([&] {
     try {
@@ -149,6 +178,31 @@ TEST_F(PostgresStateTest, ChangesNothingWhileTheSynchronousStandbyIsAway) {
       return false;
     }
   }));
+}
+
+TEST_F(PostgresStateTest, WhatIsThereAlreadyIsAcknowledgedWithACommit) {
+  StoreState state(*address_);
+  const ApiKey key = state.keys().create("car", {1}, {}, kNow).key;
+  const std::int64_t drive = [&] {
+    state.create_map("town", 1);
+    return state.drives().open("town", "monday", 7).id;
+  }();
+  const DrivePart part{1, std::string(64, 'c'), 10};
+  const std::vector<std::function<void()>> changes = {
+      [&] { state.create_map("town", 1); },
+      [&] { state.add_version("town", version("v1", '1')); },
+      [&] { state.activate("town", "v1"); },
+      [&] { state.keys().revoke(key.id, kNow + 1); },
+      [&] { state.drives().add_part(drive, part, {}); },
+      [&] { state.require_current(); },
+  };
+  for (const std::function<void()>& change : changes) change();
+  run("CREATE FUNCTION stillmap.refuse() RETURNS trigger LANGUAGE plpgsql AS"
+      " $$ BEGIN RAISE EXCEPTION 'a commit'; END $$;"
+      "CREATE TRIGGER refuse BEFORE UPDATE ON stillmap.changes"
+      " EXECUTE FUNCTION stillmap.refuse()");
+  for (const std::function<void()>& change : changes)
+    EXPECT_THAT(change, (ThrowsSaying<maps::StorageError>({"a commit"})));
 }
 
 /// Something in every table.
@@ -240,6 +294,29 @@ TEST_F(PostgresStateTest, OneServerAtATimeMovesPackages) {
   EXPECT_FALSE(has_it);
   held.reset();
   EXPECT_TRUE(in_the_end([&] { return has_it.load(); }));
+}
+
+TEST_F(PostgresStateTest, WhoLostTheLockOfPackagesChangesNoneOnceAnotherHadIt) {
+  StoreState first(*address_), second(*address_);
+  first.add_version("town", version("v1", '1'));
+  std::shared_ptr<void> held = first.lock_of_packages();
+  run("SELECT pg_terminate_backend(pid) FROM pg_locks"
+      " WHERE locktype = 'advisory' AND objid = 1398033745");
+  EXPECT_TRUE(first.add_version("town", version("v2", '2'))) << "nobody else had the lock";
+  {
+    const std::shared_ptr<void> other = second.lock_of_packages();
+    second.remove_version("town", "v1");
+  }
+  for (const std::function<void()>& change : std::vector<std::function<void()>>{
+           [&] { first.add_version("town", version("v3", '1')); },
+           [&] { first.remove_version("town", "v2"); }, [&] { first.remove_map("town"); },
+           [&] { first.replace_package(std::string(64, '2'), version("v2", '5')); },
+           [&] { first.forget_condemned(std::string(64, '1')); }, [&] { first.require_current(); }})
+    EXPECT_THAT(change, (ThrowsSaying<StateAway>({"lost the lock of packages", "ask again"})));
+  EXPECT_TRUE(first.create_map("depot", 1)) << "which names no package";
+  held.reset();
+  held = first.lock_of_packages();
+  EXPECT_TRUE(first.add_version("town", version("v3", '1')));
 }
 
 TEST_F(PostgresStateTest, AStoreIsAttachedToOneState) {

@@ -15,9 +15,11 @@
 
 #include <sys/stat.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -215,9 +217,17 @@ class SealKeyTableTest : public ::testing::Test {
     for (const SealKey& key : source.keys()) all.push_back(key.hex());
     return all;
   }
-  void rotate() {
-    state_.seal_keys().add({.secret = SealKey::make().hex(),
-                            .made_ns = std::chrono::nanoseconds(now_.time_since_epoch()).count()});
+  /// @param ahead  the clock of the server that does it.
+  void rotate(std::chrono::seconds ahead = {}) {
+    const auto made = (now_ + ahead).time_since_epoch();
+    state_.seal_keys().add(
+        {.secret = SealKey::make().hex(), .made_ns = std::chrono::nanoseconds(made).count()});
+  }
+  /// A thread of its own brings it within a second.
+  static void wait_for_two(StateSealKeys& source) {
+    const auto end = std::chrono::steady_clock::now() + 20s;
+    while (keys(source).size() < 2U && std::chrono::steady_clock::now() < end)
+      std::this_thread::sleep_for(10ms);
   }
 
   test::TemporaryFolder folder_;
@@ -225,6 +235,10 @@ class SealKeyTableTest : public ::testing::Test {
   StoreState state_ = test::state_at(folder_.path() / "state.db", unsynced_);
   StateSealKeys::Clock::time_point now_ = StateSealKeys::Clock::now();
   std::function<StateSealKeys::Clock::time_point()> clock_ = [this] { return now_; };
+  std::atomic<std::chrono::seconds> passed_ = 0s;
+  std::function<StateSealKeys::Steady::time_point()> steady_ = [this] {
+    return StateSealKeys::Steady::time_point() + passed_.load();
+  };
 };
 
 TEST_F(SealKeyTableTest, ServersOfOneStateHaveOneKey) {
@@ -245,24 +259,39 @@ TEST_F(SealKeyTableTest, ANewStateTakesTheKeyOfTheFile) {
 }
 
 TEST_F(SealKeyTableTest, ANewKeySealsWhenAllKnowItAndTheOneBeforeCountsForAMinuteMore) {
-  StateSealKeys source(state_.seal_keys(), folder_.path(), clock_);
-  const std::string first = keys(source).front();
-  rotate();
-  now_ += 2s;
-  // A thread of its own brings it within a second.
-  const auto end = std::chrono::steady_clock::now() + 20s;
-  while (keys(source).size() < 2U && std::chrono::steady_clock::now() < end)
-    std::this_thread::sleep_for(10ms);
-  const std::vector<std::string> known = keys(source);
-  ASSERT_EQ(known.size(), 2U);
-  EXPECT_EQ(known[0], first);
-  now_ += 4s;
-  EXPECT_EQ(keys(source), (std::vector{known[1], first}));
-  now_ += 60s;
-  EXPECT_EQ(keys(source), std::vector{known[1]});
+  // Also where the clocks of the servers differ.
+  for (const std::chrono::seconds ahead : {0s, 3600s, -3600s}) {
+    StateSealKeys source(state_.seal_keys(), folder_.path(), clock_, steady_);
+    passed_ = passed_.load() + 100s;
+    const std::string first = keys(source).front();
+    rotate(ahead);
+    wait_for_two(source);
+    const std::vector<std::string> known = keys(source);
+    ASSERT_EQ(known.size(), 2U) << ahead.count();
+    EXPECT_EQ(known[0], first);
+    passed_ = passed_.load() + 6s;
+    EXPECT_EQ(keys(source), (std::vector{known[1], first}));
+    passed_ = passed_.load() + 60s;
+    EXPECT_EQ(keys(source), std::vector{known[1]});
+  }
   rotate();
   rotate();
   EXPECT_EQ(state_.seal_keys().newest().size(), 2U);
+}
+
+TEST_F(SealKeyTableTest, AServerThatStartsSealsWithWhatTheOthersSealWith) {
+  const std::string first =
+      keys(*std::make_unique<StateSealKeys>(state_.seal_keys(), folder_.path(), clock_)).front();
+  rotate(-3s);
+  const std::string second = state_.seal_keys().newest().front().secret;
+  StateSealKeys soon(state_.seal_keys(), folder_.path(), clock_, steady_);
+  EXPECT_EQ(keys(soon), (std::vector{first, second}));
+  now_ += 10s;
+  StateSealKeys later(state_.seal_keys(), folder_.path(), clock_, steady_);
+  EXPECT_EQ(keys(later), (std::vector{second, first}));
+  now_ += 60s;
+  StateSealKeys much_later(state_.seal_keys(), folder_.path(), clock_, steady_);
+  EXPECT_EQ(keys(much_later), std::vector{second});
 }
 
 TEST_F(SealKeysInAStore, WhereNoFileCanBeKeptTheKeyLivesAsLongAsTheProcess) {
