@@ -36,6 +36,11 @@ struct JobFolder {
 /// Replaces the file as a whole; once it returns, a power cut leaves the new one. @throws
 /// maps::StorageError.
 void write_small_file(const std::filesystem::path& file, const std::string& text);
+/// The name in this folder of the server that works in it, or keeps drives beside it; empty when it
+/// has none yet.
+[[nodiscard]] std::string server_of(const std::filesystem::path& folder);
+/// Makes the name when there is none. @throws maps::StorageError.
+[[nodiscard]] std::string name_server_of(const std::filesystem::path& folder);
 /// Makes the folder's names last. @throws maps::StorageError.
 void sync_folder(const std::filesystem::path& folder);
 /// Nothing when there is none, or it is larger than a megabyte.

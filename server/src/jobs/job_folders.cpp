@@ -25,6 +25,11 @@ JobFolders::JobFolders(const JobOptions& options, PackageStore& store)
 
 fs::path JobFolders::of_store() const { return store_.folder() / kJobs; }
 
+bool JobFolders::has_files_of(const std::string& server) const {
+  return server.empty() || !store_.state().is_shared() || server == server_of(root_) ||
+         server == server_of(of_store());
+}
+
 std::string JobFolders::without_places(std::string text) const {
   // `root_` may lie elsewhere, but holds what "jobs" of the store does.
   const std::string root = root_.string() + "/";

@@ -56,15 +56,6 @@ std::size_t count_crash(const JobFolder& folder, const StoredJob& job) {
   return crashes;
 }
 
-/// Of the server that works in this folder.
-std::string name_in(const fs::path& folder) {
-  const fs::path file = folder / ".server";
-  if (const auto known = read_small_file(file)) return *known;
-  std::string name = random_hex(16);
-  write_small_file(file, name);
-  return name;
-}
-
 }  // namespace
 
 JobRunner::JobRunner(const JobSetup& setup, const JobFolders& folders, JobUploads& uploads,
@@ -107,7 +98,7 @@ void JobRunner::work(const std::stop_token& stop) {
     try {
       if (!take_over()) {
         pause = kLookAtLock;
-      } else if (const auto job = setup_.store.jobs().claim(unix_ns(), server_)) {
+      } else if (const auto job = setup_.store.jobs().claim(unix_ns(), server_, files_at_)) {
         run(*job, stop);
         continue;
       }
@@ -137,7 +128,12 @@ bool JobRunner::take_over() {
     if (!file.is_open() || ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) return false;
     held.push_back(std::move(file));
   }
-  server_ = name_in(folders_.root());
+  server_ = folders_.server();
+  files_at_.clear();
+  if (setup_.store.state().is_shared()) {
+    files_at_ = {server_, folders_.server_of_drives()};
+    spdlog::info("jobs: this is server {}", server_);
+  }
   const std::size_t back =
       setup_.store.jobs().put_back_all("the server ended meanwhile", unix_ns(), server_);
   if (back > 0) spdlog::info("{} jobs go on that were interrupted", back);

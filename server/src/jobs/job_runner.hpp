@@ -69,6 +69,8 @@ class JobRunner {
   std::vector<Descriptor> locks_;
   /// By which the state knows this server, also after its restart; set with `locks_`.
   std::string server_;
+  /// Names under which files of jobs are here; empty where all are. Set with `locks_`.
+  std::vector<std::string> files_at_;
   /// What others do, and since when they have said nothing. For `watch` alone.
   std::map<JobTable::Beat, std::chrono::steady_clock::time_point> silent_since_;
   std::mutex mutex_;

@@ -31,6 +31,9 @@ JobView LiveJobs::view(const StoredJob& job) const {
     const auto found = live_.find(job.id);
     if (found != live_.end()) view.progress = found->second.progress;
   }
+  if (job.status == JobStatus::kEnqueued && !folders_.has_files_of(job.files_at))
+    view.job.stage = "waits for server " + job.files_at + ", which has its " +
+                     (job.kind == JobKind::kConvert ? "file" : "drives");
   if (job.status == JobStatus::kSucceeded)
     view.outcome = read_small_file(folders_.of(job.id).outcome()).value_or("");
   return view;

@@ -27,7 +27,8 @@ constexpr std::size_t kLargestJobPage = 1000;
 constexpr std::size_t kMostRequestBytes = std::size_t{4} << 20U;
 constexpr const char* kSelectJobs =
     "SELECT id, kind, map, request, status, stage, error, result_version, attempts, enqueued_ns,"
-    " started_ns, finished_ns, asker, idempotency_key, cancel_requested FROM jobs ";
+    " started_ns, finished_ns, asker, idempotency_key, cancel_requested, server,"
+    " files_at FROM jobs ";
 
 StoredJob job_of(const Statement& row) {
   StoredJob job{.id = row.integer(0), .map = row.text(2), .request = row.text(3)};
@@ -43,6 +44,8 @@ StoredJob job_of(const Statement& row) {
   job.asker = row.text(12);
   job.idempotency_key = row.optional_text(13);
   job.cancel_requested = row.integer(14) != 0;
+  job.server = row.text(15);
+  job.files_at = row.text(16);
   return job;
 }
 
@@ -123,22 +126,40 @@ std::optional<StoredJob> asked_before(Database& database, const NewJob& job,
   return known_job(database, row.integer(0));
 }
 
-void check_drive(Database& database, std::string_view map, std::int64_t drive) {
-  Statement row(database, "SELECT status FROM drives WHERE id = ? AND map = ? AND version IS NULL");
+/// @return the server in whose folder it is.
+std::string check_drive(Database& database, std::string_view map, std::int64_t drive) {
+  Statement row(database,
+                "SELECT status, files_at FROM drives WHERE id = ? AND map = ? AND version IS NULL");
   if (!row.bind(drive).bind(map).step())
     throw StoreRefusal(Reason::kUnknownDrive,
                        "map " + in_quotes(map) + " has no drive " + std::to_string(drive));
   if (row.text(0) != "complete")
     throw StoreRefusal(Reason::kDriveNotComplete,
                        "drive " + std::to_string(drive) + " is " + row.text(0) + ", not complete");
+  return row.text(1);
 }
 
-std::int64_t insert(Database& database, const NewJob& job, const std::string& sha256,
-                    std::int64_t now_ns) {
+/// Of all that the job reads; empty where no server is known to have it.
+std::string files_of(Database& database, const NewJob& job) {
+  std::string files_at = job.files_at;
+  for (const std::int64_t drive : job.drives) {
+    const std::string at = check_drive(database, job.map, drive);
+    if (!at.empty() && !files_at.empty() && at != files_at)
+      throw StoreRefusal(Reason::kOtherServer,
+                         "drive " + std::to_string(drive) + " is in the folder of server " + at +
+                             ", and another drive of the job in that of server " + files_at +
+                             ": upload all drives of a rebuild to one server");
+    if (!at.empty()) files_at = at;
+  }
+  return files_at;
+}
+
+std::int64_t insert(Database& database, const NewJob& job, const std::string& files_at,
+                    const std::string& sha256, std::int64_t now_ns) {
   Statement row(database,
                 "INSERT INTO jobs (kind, map, request, status, enqueued_ns, asker,"
-                " idempotency_key, request_sha256) VALUES (?, ?, ?, 'enqueued', ?, ?, ?, ?)"
-                " RETURNING id");
+                " idempotency_key, request_sha256, files_at)"
+                " VALUES (?, ?, ?, 'enqueued', ?, ?, ?, ?, ?) RETURNING id");
   row.bind(name_of(job.kind))
       .bind(job.map)
       .bind(job.request)
@@ -146,6 +167,7 @@ std::int64_t insert(Database& database, const NewJob& job, const std::string& sh
       .bind(job.asker)
       .bind(job.idempotency_key)
       .bind(sha256)
+      .bind(files_at)
       .step();
   const std::int64_t id = row.integer(0);
   for (const std::int64_t drive : job.drives)
@@ -194,20 +216,25 @@ JobTable::Enqueued JobTable::enqueue(const NewJob& job, std::int64_t now_ns) {
   if (std::optional<StoredJob> before = asked_before(database, job, sha256))
     return {*std::move(before), false};
   (void)known_map(database, job.map);
-  for (const std::int64_t drive : job.drives) check_drive(database, job.map, drive);
-  const std::int64_t id = insert(database, job, sha256, now_ns);
+  const std::string files_at = files_of(database, job);
+  const std::int64_t id = insert(database, job, files_at, sha256, now_ns);
   Enqueued enqueued{known_job(database, id), true};
   writing.commit();
   return enqueued;
 }
 
-std::optional<StoredJob> JobTable::claim(std::int64_t now_ns, std::string_view server) {
+std::optional<StoredJob> JobTable::claim(std::int64_t now_ns, std::string_view server,
+                                         const std::vector<std::string>& files_at) {
+  std::string where = "WHERE status = 'enqueued'";
+  for (std::size_t i = 0; i < files_at.size(); ++i)
+    where += i == 0 ? " AND files_at IN ('', ?" : ", ?";
+  if (!files_at.empty()) where += ")";
   Writing writing(*database_);
   Database& database = writing.database();
   StoredJob job;
   {
-    Statement row(database,
-                  std::string(kSelectJobs) + "WHERE status = 'enqueued' ORDER BY id LIMIT 1");
+    Statement row(database, kSelectJobs + where + " ORDER BY id LIMIT 1");
+    for (const std::string& each : files_at) row.bind(each);
     if (!row.step()) return std::nullopt;
     job = job_of(row);
   }
@@ -215,6 +242,7 @@ std::optional<StoredJob> JobTable::claim(std::int64_t now_ns, std::string_view s
   job.stage.clear();
   ++job.attempts;
   job.started_ns = now_ns;
+  job.server = server;
   update(database, job);
   Statement(database, "UPDATE jobs SET server = ?, beat = 0 WHERE id = ?")
       .bind(server)

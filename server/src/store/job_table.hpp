@@ -37,6 +37,8 @@ struct NewJob {
   std::string asked{};
   /// Complete drives of this map that it reads.
   std::vector<std::int64_t> drives{};
+  /// The server in whose folder the files are that it reads, besides drives.
+  std::string files_at{};
   /// Id of the key of who asks; empty without keys.
   std::string asker{};
   /// The asker's own name for this request.
@@ -66,6 +68,10 @@ struct StoredJob {
   std::optional<std::string> idempotency_key{};
   /// Someone wants it to end, and whoever works on it has not ended it yet.
   bool cancel_requested = false;
+  /// That claimed it last.
+  std::string server{};
+  /// The server in whose folder the files are that it reads; empty: any may have them.
+  std::string files_at{};
   auto operator<=>(const StoredJob&) const = default;
 };
 
@@ -89,11 +95,14 @@ class JobTable {
     bool is_new = false;
   };
   /// @throws StoreRefusal kUnknownMap; kUnknownDrive, kDriveNotComplete for one of its drives;
-  /// kOtherRequest when the asker used the idempotency key for something else.
+  /// kOtherServer when they are in the folders of several servers; kOtherRequest when the asker
+  /// used the idempotency key for something else.
   Enqueued enqueue(const NewJob& job, std::int64_t now_ns);
   /// The oldest enqueued one, which is then processing; nothing when none waits. Each goes to one
-  /// caller only. @param server  which works on it.
-  std::optional<StoredJob> claim(std::int64_t now_ns, std::string_view server = {});
+  /// caller only. @param server  which works on it. @param files_at  only jobs that read files of
+  /// these; empty: any job.
+  std::optional<StoredJob> claim(std::int64_t now_ns, std::string_view server = {},
+                                 const std::vector<std::string>& files_at = {});
   /// Whoever works on a job says so every few seconds. @return false when it is not its any more.
   bool beat(const JobClaim& claim);
   /// @throws StoreRefusal kNotProcessing.

@@ -102,6 +102,35 @@ TEST_F(JobTableTest, GivesEachJobToOneCallerOnly) {
   EXPECT_EQ(std::unique(claimed.begin(), claimed.end()), claimed.end());
 }
 
+TEST_F(JobTableTest, GivesJobsOnlyToAServerThatHasTheirFiles) {
+  const auto drive_at = [&](const std::string& server) {
+    const std::int64_t id = state_.drives().open("town", "monday", 1, server).id;
+    state_.drives().add_part(id, {1, std::string(64, 'a'), 10});
+    return state_.drives().complete(id, 1).id;
+  };
+  const std::int64_t at_a = drive_at("a"), at_b = drive_at("b"), of_older_program = drive_at("");
+  EXPECT_EQ(state_.drives().drive(at_a).files_at, "a");
+  const auto ask = [&](const std::vector<std::int64_t>& drives) {
+    return jobs_.enqueue({.map = "town", .request = "{}", .drives = drives}, 1).job;
+  };
+  expect_refused(Reason::kOtherServer, [&] { ask({at_a, at_b}); });
+  const StoredJob first = ask({of_older_program, at_a});
+  EXPECT_EQ(first.files_at, "a");
+  const StoredJob file =
+      jobs_.enqueue({.kind = JobKind::kConvert, .map = "town", .files_at = "b"}, 1).job;
+  const StoredJob anywhere = ask({of_older_program});
+  EXPECT_EQ(anywhere.files_at, "");
+  const StoredJob second = ask({at_a});
+  EXPECT_EQ(jobs_.claim(2, "b", {"b", "drives of b"})->id, file.id);
+  const StoredJob claimed = jobs_.claim(2, "b", {"b"}).value();
+  EXPECT_EQ(claimed.id, anywhere.id);
+  EXPECT_EQ(claimed.server, "b");
+  EXPECT_EQ(jobs_.job(anywhere.id), claimed);
+  EXPECT_FALSE(jobs_.claim(2, "b", {"b"}));
+  EXPECT_EQ(jobs_.claim(2, "a", {"a"})->id, first.id);
+  EXPECT_EQ(jobs_.claim(2)->id, second.id) << "where the state is not shared, all files are here";
+}
+
 TEST_F(JobTableTest, EndsOnlyWhatIsProcessing) {
   const std::int64_t id = enqueue();
   expect_refused(Reason::kNotProcessing, [&] { jobs_.succeed(jobs_.job(id), "v", 1); });
