@@ -32,6 +32,9 @@ class JobFolders {
   [[nodiscard]] bool has_files_of(const std::string& server) const;
   /// A message for clients, who need not know where on this machine the store and the jobs are.
   [[nodiscard]] std::string without_places(std::string text) const;
+  /// Removes what a job has made but its log. What it left in a cluster is cancelled first; if that
+  /// cannot be done now, all stays for `clear_forgotten`.
+  void clear_work(const JobFolder& job) const;
   /// Removes the folders of jobs that the store does not know any more, and what finished ones
   /// left of their work.
   void clear_forgotten() const;
