@@ -5,8 +5,8 @@ usage: shared_jobs_test.py STILLMAP MAP DRIVE
 
 MAP and DRIVE are those of sample_map.sh. A script takes the place of the mapper: it works as long as there is a file.
 """
+import http.client
 import json
-import os
 import pathlib
 import shutil
 import sys
@@ -181,6 +181,48 @@ class SharedJobs(unittest.TestCase):
         self.wait_runs("a", job)
         self.let_go()
         self.assertEqual(self.wait_end("b", job)["attempts"], 2)
+
+    def test_one_that_is_cancelled_at_another_server_ends(self):
+        job = self.rebuild("a")
+        self.wait_runs("a", job)
+        self.assertEqual(self.ask("b", "POST", f"/v1/jobs/{job['id']}/cancel").status, 202)
+        self.wait_end("b", job, "canceled")
+        self.assertIn(f"/{job['id']}/", (self.folder / "asked_to_end").read_text())
+
+    def test_every_server_tells_how_far_it_is_and_what_it_came_to(self):
+        job = self.rebuild("a")
+        path = f"/v1/jobs/{job['id']}"
+        now = self.wait("b", job, lambda found: found["progress"] == 0.5)
+        self.assertEqual((now["stage"], now["eta_s"]), ("half", 7))
+        connection = http.client.HTTPConnection("127.0.0.1", self.servers["b"].port, timeout=60)
+        self.addCleanup(connection.close)
+        connection.request("GET", f"{path}/events")
+        events = connection.getresponse()
+        said = b""
+        while b'"progress":0.5' not in said:
+            line = events.readline()
+            self.assertTrue(line, said)
+            said += line
+        self.let_go()
+        said += events.read()
+        self.assertEqual(said.count(b"event: end"), 1, said)
+        results = [self.wait_end(name, job)["result"] for name in ("a", "b")]
+        self.assertEqual(results[0], results[1])
+        self.assertEqual(results[1]["gate"]["verdict"], "pass", results)
+        self.assertIn(results[1]["digest"].encode(), said)
+        self.assertIn(b"working", self.ask("a", "GET", f"{path}/log").body)
+        elsewhere = self.ask("b", "GET", f"{path}/log")
+        self.assertEqual((elsewhere.status, elsewhere.json["code"]), (409, "OtherServer"), elsewhere.body)
+        self.assertIn(self.server_name("a"), elsewhere.json["detail"])
+
+    def test_one_that_ends_its_server_again_and_again_fails(self):
+        job = self.rebuild("a")
+        for _ in range(3):
+            self.wait_runs("a", job)
+            self.servers["a"].kill(group=True)
+            self.start("a")
+        end = self.wait_end("b", job, "failed")
+        self.assertIn("its server ended while it worked on it, 3 times: ask again", end["error"])
 
     def test_what_is_at_another_server_is_refused_with_its_name(self):
         place = "/v1/maps/town/drives"

@@ -42,6 +42,7 @@ class JobRunner {
   void work(const std::stop_token& stop);
   bool take_over();
   void watch(const std::stop_token& stop);
+  void look_for_cancels();
   void say_what_is_ours();
   void take_over_silent();
   void run(const StoredJob& job, const std::stop_token& stop);

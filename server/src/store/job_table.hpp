@@ -45,6 +45,15 @@ struct NewJob {
   std::optional<std::string> idempotency_key{};
 };
 
+/// How far a job is.
+struct JobAdvance {
+  /// In [0, 1].
+  double fraction = 0.0;
+  /// Nothing until it can be told [s].
+  std::optional<double> eta_s{};
+  auto operator<=>(const JobAdvance&) const = default;
+};
+
 struct StoredJob {
   /// Grows with time, never given twice.
   std::int64_t id = 0;
@@ -72,6 +81,12 @@ struct StoredJob {
   std::string server{};
   /// The server in whose folder the files are that it reads; empty: any may have them.
   std::string files_at{};
+  /// Of the latest attempt, as of its worker's last beat.
+  JobAdvance advance{};
+  /// JSON, of one that succeeded. Empty for one that an older program did.
+  std::string outcome{};
+  /// Attempts that crashed, or whose server ended while it worked on them.
+  std::int64_t crashes = 0;
   auto operator<=>(const StoredJob&) const = default;
 };
 
@@ -104,20 +119,29 @@ class JobTable {
   std::optional<StoredJob> claim(std::int64_t now_ns, std::string_view server = {},
                                  const std::vector<std::string>& files_at = {});
   /// Whoever works on a job says so every few seconds. @return false when it is not its any more.
-  bool beat(const JobClaim& claim);
+  bool beat(const JobClaim& claim, const JobAdvance& advance = {});
   /// @throws StoreRefusal kNotProcessing.
   void set_stage(const JobClaim& claim, std::string_view stage);
+  /// The revision at which the job may make its version the active one: that of its first attempt
+  /// that came so far. @param revision  of the map now. @throws StoreRefusal kNotProcessing.
+  std::int64_t activates_at(const JobClaim& claim, std::int64_t revision);
   /// Publishes nothing itself. @throws StoreRefusal kNotProcessing.
-  StoredJob succeed(const JobClaim& claim, std::string_view result_version, std::int64_t now_ns);
+  StoredJob succeed(const JobClaim& claim, std::string_view result_version, std::int64_t now_ns,
+                    std::string_view outcome = {});
   /// @throws StoreRefusal kNotProcessing.
   StoredJob fail(const JobClaim& claim, std::string_view error, std::int64_t now_ns);
   /// Its worker has ended it because it was asked to. @throws StoreRefusal kNotProcessing.
   StoredJob end_canceled(const JobClaim& claim, std::int64_t now_ns);
+  enum class Crashed : std::uint8_t { kNo, kYes };
   /// Puts it back to its place in the queue, to be tried again; canceled when that was requested.
   /// @throws StoreRefusal kNotProcessing.
-  StoredJob put_back(const JobClaim& claim, std::string_view error, std::int64_t now_ns);
-  /// Does so with all that this server has claimed: after its restart nobody works on them.
-  /// @return how many.
+  StoredJob put_back(const JobClaim& claim, std::string_view error, std::int64_t now_ns,
+                     Crashed crashed = Crashed::kNo);
+  /// The last beat of one whose server ends in order and may not wait for it: put back for that, it
+  /// has not crashed. @throws StoreRefusal kNotProcessing.
+  void excuse(const JobClaim& claim);
+  /// Puts back, as crashed unless excused, all that this server has claimed: after its restart
+  /// nobody works on them. @return how many.
   std::size_t put_back_all(std::string_view error, std::int64_t now_ns,
                            std::string_view server = {});
   /// What is processing, and how often its worker has said so.
@@ -127,7 +151,10 @@ class JobTable {
     auto operator<=>(const Beat&) const = default;
   };
   [[nodiscard]] std::vector<Beat> beats() const;
-  /// Puts one back whose worker has not said anything since. @return whether it was so.
+  /// Of jobs that are processing.
+  [[nodiscard]] std::vector<std::int64_t> cancel_requests() const;
+  /// Puts one back, as crashed unless excused, whose worker has not said anything since. @return
+  /// whether it was so.
   bool put_back_silent(const Beat& last, std::string_view error, std::int64_t now_ns);
   /// One that waits is canceled at once, one that is processing is marked so; asking twice is
   /// asking once. @throws StoreRefusal kJobFinished when it succeeded, failed, or has published its

@@ -227,8 +227,74 @@ TEST_F(JobTableTest, PutsBackWhatARestartInterrupted) {
   const StoredJob again = jobs_.claim(4).value();
   EXPECT_EQ(again.id, resumed);
   EXPECT_EQ(again.attempts, 2);
+  EXPECT_EQ(again.crashes, 1);
   EXPECT_EQ(jobs_.succeed(jobs_.job(resumed), "v", 5).error, "");
   EXPECT_EQ(jobs_.claim(6)->id, waiting);
+}
+
+TEST_F(JobTableTest, CountsAttemptsThatCrashedOrWereLostWithTheirServer) {
+  const std::int64_t id = enqueue();
+  const auto crashes = [&] { return jobs_.job(id).crashes; };
+  jobs_.put_back(jobs_.claim(1, "a").value(), "the server was stopped", 2);
+  EXPECT_EQ(crashes(), 0);
+  jobs_.put_back(jobs_.claim(1, "a").value(), "signal 11", 2, JobTable::Crashed::kYes);
+  EXPECT_EQ(crashes(), 1);
+  jobs_.claim(1, "a");
+  jobs_.put_back_all("its server ended", 2, "a");
+  EXPECT_EQ(crashes(), 2);
+  jobs_.claim(1, "a");
+  EXPECT_TRUE(jobs_.put_back_silent(jobs_.beats().at(0), "silent", 2));
+  EXPECT_EQ(crashes(), 3);
+  // Of a server that ended in order nothing counts.
+  for (const bool at_its_next_start : {true, false}) {
+    const StoredJob claimed = jobs_.claim(1, "a").value();
+    jobs_.excuse(claimed);
+    if (at_its_next_start) {
+      EXPECT_EQ(jobs_.put_back_all("its server ended", 2, "a"), 1U);
+    } else {
+      EXPECT_TRUE(jobs_.put_back_silent(jobs_.beats().at(0), "silent", 2));
+    }
+    EXPECT_EQ(crashes(), 3);
+    expect_refused(Reason::kNotProcessing, [&] { jobs_.excuse(claimed); });
+  }
+}
+
+TEST_F(JobTableTest, TellsHowFarAJobIsAndWhatItCameTo) {
+  const std::int64_t id = enqueue();
+  const StoredJob first = jobs_.claim(1).value();
+  EXPECT_TRUE(jobs_.beat(first, {.fraction = 0.25, .eta_s = 7.5}));
+  EXPECT_EQ(jobs_.job(id).advance, (JobAdvance{.fraction = 0.25, .eta_s = 7.5}));
+  EXPECT_TRUE(jobs_.beat(first, {.fraction = 0.5}));
+  EXPECT_EQ(jobs_.job(id).advance.eta_s, std::nullopt);
+  jobs_.put_back(first, "x", 2);
+  const StoredJob second = jobs_.claim(3).value();
+  EXPECT_EQ(second.advance.fraction, 0.0);
+  EXPECT_EQ(jobs_.job(id), second);
+  const StoredJob done = jobs_.succeed(second, "v2", 4, R"({"version": "v2"})");
+  EXPECT_EQ(done.outcome, R"({"version": "v2"})");
+  EXPECT_EQ(jobs_.job(id), done);
+}
+
+TEST_F(JobTableTest, KeepsTheRevisionAtWhichAJobMayActivate) {
+  enqueue();
+  const StoredJob first = jobs_.claim(1).value();
+  EXPECT_EQ(jobs_.activates_at(first, 5), 5);
+  EXPECT_EQ(jobs_.activates_at(first, 6), 5);
+  jobs_.put_back(first, "x", 2);
+  expect_refused(Reason::kNotProcessing, [&] { jobs_.activates_at(first, 7); });
+  EXPECT_EQ(jobs_.activates_at(jobs_.claim(3).value(), 7), 5) << "that of the first attempt";
+}
+
+TEST_F(JobTableTest, SaysWhichJobsAreToEnd) {
+  const std::int64_t running = enqueue(), other = enqueue();
+  jobs_.claim(1);
+  jobs_.claim(1);
+  EXPECT_THAT(jobs_.cancel_requests(), IsEmpty());
+  jobs_.request_cancel(running, 2);
+  EXPECT_THAT(jobs_.cancel_requests(), ElementsAre(running));
+  jobs_.end_canceled(jobs_.job(running), 3);
+  jobs_.request_cancel(other, 4);
+  EXPECT_THAT(jobs_.cancel_requests(), ElementsAre(other));
 }
 
 TEST_F(JobTableTest, TakesTheSameRequestOnce) {
