@@ -13,6 +13,7 @@ import os
 import pathlib
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -323,6 +324,19 @@ def test_server(slurm, program, folder):
     assert answer.status // 100 == 2, answer.body
     assert wait_end(server, job)["status"] == "canceled"
     wait_until(lambda: not slurm.ask("squeue", "-h").strip(), 20, "jobs were not cancelled")
+    # Cancelled while its server is away, as at another one.
+    job = rebuild(server, "canceled")
+    submitted = wait_jobs("survey")
+    server.kill()
+    state = sqlite3.connect(store / "state.db")
+    with state:
+        state.execute("UPDATE jobs SET status = 'canceled', finished_ns = started_ns WHERE status = 'processing'")
+    state.close()
+    assert slurm.ask("squeue", "-h").strip(), "nothing goes on in the cluster"
+    server = start("slurm")
+    wait_until(lambda: not slurm.ask("squeue", "-h").strip(), 20, "jobs of one that was cancelled go on")
+    ends = [word for each in submitted for word in slurm.ask("scontrol", "show", "job", each).split() if "JobState=" in word]
+    assert "JobState=CANCELLED" in ends and "JobState=FAILED" not in ends, ends
     assert server.stop() == 0
     server = start("process")
     alone = wait_end(server, rebuild(server, "v3"))

@@ -268,6 +268,8 @@ class Session:
             if server.process.poll() is None:
                 # With what it started, or leaving it behind.
                 server.kill(group=self.random.random() < 0.5)
+            if self.jobs:
+                self.jobs.was_killed = True
             self.journal.note("killed")
 
     def work(self, server):

@@ -166,14 +166,14 @@ def small_cloud(number):
 
 
 def left_of_jobs(store, ended):
-    """What jobs that have ended, and those that nobody knows, leave behind besides log and outcome. @param ended  ids."""
+    """What jobs that have ended, and those that nobody knows, leave behind besides logs. @param ended  ids."""
     root = pathlib.Path(store) / "jobs"
     left = []
     for folder in root.iterdir() if root.exists() else []:
         if folder.name == "uploads":
             left += list(folder.iterdir())
         elif folder.name.isdigit() and int(folder.name) in ended:
-            left += [each for each in folder.iterdir() if each.name not in ("log", "outcome.json")]
+            left += [each for each in folder.iterdir() if each.name != "log"]
         elif folder.name not in (".lock", ".server"):
             left.append(folder)
     return left

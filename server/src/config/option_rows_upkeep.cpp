@@ -122,7 +122,8 @@ std::vector<Option> job_options() {
       {.key = "jobs.retries",
        .field = at(&S::jobs, &J::retries),
        .most = 100,
-       .text = "How often a rebuild that crashed starts again, from its last checkpoint.",
+       .text = "How often a job that crashed, or whose server was killed, starts again, from its "
+               "last checkpoint.",
        .reloadable = true},
       {.key = "jobs.work_dir",
        .field = at(&S::jobs, &J::work_dir),

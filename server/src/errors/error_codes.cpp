@@ -44,6 +44,7 @@ constexpr std::array kErrors = {
     ErrorInfo{ErrorCode::kDriveNotOpen, "DriveNotOpen", "It takes no more parts", 409},
     ErrorInfo{ErrorCode::kDriveNotComplete, "DriveNotComplete", "The drive is not complete", 409},
     ErrorInfo{ErrorCode::kPartsMissing, "PartsMissing", "Parts are missing", 409},
+    ErrorInfo{ErrorCode::kOtherServer, "OtherServer", "Another server has it in its folder", 409},
     ErrorInfo{ErrorCode::kSealExpired, "SealExpired", "The seal is too old", 409},
     ErrorInfo{ErrorCode::kSealedVersionGone, "SealedVersionGone",
               "The seal's version is not served any more", 409},

@@ -43,6 +43,7 @@ enum class ErrorCode {
   kDriveNotOpen,
   kDriveNotComplete,
   kPartsMissing,
+  kOtherServer,
   kSealExpired,
   kSealedVersionGone,
   kScanNotNewer,

@@ -43,6 +43,8 @@ ErrorCode code_of(StoreRefusal::Reason reason) {
       return ErrorCode::kDriveNotComplete;
     case Reason::kPartsMissing:
       return ErrorCode::kPartsMissing;
+    case Reason::kOtherServer:
+      return ErrorCode::kOtherServer;
     case Reason::kNotSigned:
       return ErrorCode::kNotSigned;
   }

@@ -54,7 +54,8 @@ HttpResponse open_drive(const Context& context, const HttpRequest& request,
                         const PathParameters& path) {
   require_json_if_any(request);
   const std::string name = read_drive_json(request.body);
-  const StoredDrive drive = context.store.drives().open(path.at("map"), name, unix_ns());
+  const StoredDrive drive = context.store.drives().open(path.at("map"), name, unix_ns(),
+                                                        context.jobs.folders.server_of_drives());
   HttpResponse response = answer_drive(context, drive, 201);
   response.headers.emplace_back("Location",
                                 fmt::format("/v1/maps/{}/drives/{}", drive.map, drive.id));
@@ -120,7 +121,7 @@ HttpResponse remove_drive(const Context& context, const PathParameters& path) {
 /// Parts are large, and unpacking is slow: both take a place.
 void add_drive_byte_routes(std::vector<Route>& routes, const Context& context) {
   const auto reserve = [&context](const HttpRequest& request, const PathParameters& path) {
-    static_cast<void>(find_drive(context, path));
+    require_here(context, find_drive(context, path));
     return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
   };
   Route part{"PUT",

@@ -11,6 +11,7 @@
 
 #include "store/store_refusal.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <stdexcept>
 #include <utility>
@@ -46,7 +47,8 @@ class JobStream final : public EventSource {
 
   std::optional<std::string> if_ended_elsewhere() {
     try {
-      if (!is_finished(jobs_.view(id_).job.status)) return std::string{};
+      const JobView view = jobs_.view(id_);
+      if (!is_finished(view.job.status)) return if_changed_elsewhere(view);
       // Unless its last event came in between.
       SessionEvents::Read read = events_->after(last_id_, std::chrono::milliseconds(0));
       if (read.events.empty()) return last_of_finished();
@@ -59,9 +61,21 @@ class JobStream final : public EventSource {
     }
   }
 
+  /// Of a job that another server works on, or will: no events are made here. Their ids do not
+  /// grow, since the last one has the time of that server's clock.
+  std::string if_changed_elsewhere(const JobView& view) {
+    std::string now = job_event_json(view);
+    if (view.is_here || now == elsewhere_) return {};
+    elsewhere_ = std::move(now);
+    last_id_ = std::max(last_id_, event_id_at(view.job.enqueued_ns));
+    return to_stream({.events = {{last_id_, "progress", elsewhere_}}, .closed = false});
+  }
+
   LiveJobs& jobs_;
   std::int64_t id_;
   std::uint64_t last_id_;
+  /// What was said last of a job that another server works on.
+  std::string elsewhere_;
   std::shared_ptr<JobEvents> events_;
   bool ended_ = false;
 };
@@ -141,7 +155,11 @@ HttpResponse stream_job(const Context& context, const HttpRequest& request,
 
 HttpResponse job_log(const Context& context, const PathParameters& path) {
   const std::int64_t id = job_id(path);
-  static_cast<void>(context.store.jobs().job(id));
+  const StoredJob job = context.store.jobs().job(id);
+  if (!context.jobs.folders.has_files_of(job.server))
+    throw ApiError(ErrorCode::kOtherServer,
+                   fmt::format("the log of job {} is in the folder of server {}: ask that one", id,
+                               job.server));
   HttpResponse response{.content_type = "text/plain; charset=utf-8", .body = {}, .headers = {}};
   response.headers.emplace_back("Cache-Control", "no-cache");
   auto log = std::make_shared<LogSource>(context.jobs.folders.of(id).log());

@@ -38,6 +38,16 @@ StoredDrive shown(const Context& context, StoredDrive drive) {
   return drive;
 }
 
+void require_here(const Context& context, const StoredDrive& drive) {
+  const bool has_ended =
+      drive.status == DriveStatus::kComplete || drive.status == DriveStatus::kFailed;
+  if (has_ended || context.jobs.folders.has_files_of(drive.files_at)) return;
+  throw ApiError(
+      ErrorCode::kOtherServer,
+      fmt::format("{} is in the folder of server {}: ask that one, or open a new {} here",
+                  drive_name(drive), drive.files_at, drive.is_upload() ? "upload" : "drive"));
+}
+
 HttpResponse put_part(const Context& context, const HttpRequest& request,
                       const PathParameters& path, const StoredDrive& drive, std::uint64_t most) {
   const std::int64_t n = part_number(path);

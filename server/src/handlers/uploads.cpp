@@ -43,7 +43,8 @@ HttpResponse open_upload(const Context& context, const HttpRequest& request,
   const std::string& map = path.at("map");
   context.store.create_map(map);
   const StoredDrive upload = context.store.drives().open_upload(
-      map, {.version = wanted.version, .content_type = wanted.content_type}, unix_ns());
+      map, {.version = wanted.version, .content_type = wanted.content_type}, unix_ns(),
+      context.jobs.folders.server_of_drives());
   HttpResponse response = answer_upload(context, upload, 201);
   response.headers.emplace_back("Location", fmt::format("/v1/maps/{}/uploads/{}", map, upload.id));
   return response;
@@ -92,7 +93,7 @@ HttpResponse remove_upload(const Context& context, const PathParameters& path) {
 /// Parts are large, and unpacking is slow: both take a place.
 void add_part_routes(std::vector<Route>& routes, const Context& context) {
   const auto reserve = [&context](const HttpRequest& request, const PathParameters& path) {
-    static_cast<void>(find_upload(context, path));
+    require_here(context, find_upload(context, path));
     return context.uploads.take(context.live.current()->uploads.max_open, request.caller.key_id);
   };
   Route part{"PUT",

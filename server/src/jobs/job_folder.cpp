@@ -1,6 +1,7 @@
 #include "jobs/job_folder.hpp"
 
 #include "jobs/child_process.hpp"
+#include "store/ids_and_times.hpp"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -8,6 +9,8 @@
 #include <stillmap/maps/error.hpp>
 #include "store/disk_full.hpp"
 
+#include <array>
+#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -41,7 +44,37 @@ void write_synced(const fs::path& file, std::string_view text) {
   if (::fsync(opened.get()) != 0) fail(file);
 }
 
+constexpr const char* kServerName = ".server";
+
+/// That nobody else has. It begins with the host's, for people.
+std::string new_server_name() {
+  std::array<char, 64> host{};
+  std::string name = ::gethostname(host.data(), host.size() - 1) == 0 ? host.data() : "";
+  std::erase_if(name, [](unsigned char byte) { return std::isalnum(byte) == 0 && byte != '-'; });
+  constexpr std::size_t kDigits = 8;
+  return (name.empty() ? "server" : name) + "-" + random_hex(kDigits);
+}
+
 }  // namespace
+
+std::string server_of(const fs::path& folder) {
+  return read_small_file(folder / kServerName).value_or("");
+}
+
+std::string name_server_of(const fs::path& folder) {
+  if (std::string known = server_of(folder); !known.empty()) return known;
+  fs::create_directories(folder);
+  const std::string name = new_server_name();
+  const fs::path own = folder / (kServerName + ("-" + name));
+  write_synced(own, name);
+  // Servers may share the folder: the first one names it.
+  const bool is_named = ::link(own.c_str(), (folder / kServerName).c_str()) == 0 || errno == EEXIST;
+  std::error_code error;
+  if (!is_named) fail(folder / kServerName);
+  fs::remove(own, error);
+  sync_folder(folder);
+  return server_of(folder);
+}
 
 void write_small_file(const fs::path& file, const std::string& text) {
   const fs::path half = file.string() + ".new";

@@ -81,7 +81,8 @@ void JobOrders::check_free_name(const std::string& map, const std::string& versi
   }
 }
 
-void JobOrders::check_drives(const NewJob& job) const {
+bool JobOrders::check_drives(const NewJob& job) const {
+  bool are_here = true;
   const std::vector<StoredDrive> drives = setup_.store.drives().of_map(job.map);
   for (const std::int64_t id : job.drives) {
     const auto drive =
@@ -94,7 +95,9 @@ void JobOrders::check_drives(const NewJob& job) const {
     if (drive->status != DriveStatus::kComplete)
       throw ApiError(ErrorCode::kDriveNotComplete,
                      fmt::format("drive {} is {}", id, name_of(drive->status)));
+    are_here = are_here && folders_.has_files_of(drive->files_at);
   }
+  return are_here;
 }
 
 void JobOrders::check_room(const std::string& map, const RebuildRequest& request) const {
@@ -143,8 +146,8 @@ JobTable::Enqueued JobOrders::rebuild(const std::string& map, const RebuildReque
   if (!is_known_request(map, asker)) {
     check_waiting();
     if (!request.version.empty()) check_free_name(map, request.version);
-    check_drives(job);
-    check_room(map, request);
+    // The server that has the drives looks before it begins.
+    if (check_drives(job)) check_room(map, request);
   }
   // Another one may have come during the estimate.
   const std::scoped_lock lock(mutex_);
@@ -204,6 +207,7 @@ JobTable::Enqueued JobOrders::enqueue_convert(const std::string& map, const Conv
   JobTable::Enqueued enqueued = setup_.store.jobs().enqueue({.kind = JobKind::kConvert,
                                                              .map = map,
                                                              .request = to_json(request),
+                                                             .files_at = folders_.server(),
                                                              .asker = asker.key_id,
                                                              .idempotency_key = std::nullopt},
                                                             unix_ns());

@@ -46,7 +46,8 @@ class JobOrders {
   void check_waiting() const;
   void check_new_version(const std::string& map, const std::string& version) const;
   void check_free_name(const std::string& map, const std::string& version) const;
-  void check_drives(const NewJob& job) const;
+  /// @return whether they are in this server's folder.
+  [[nodiscard]] bool check_drives(const NewJob& job) const;
   void check_room(const std::string& map, const RebuildRequest& request) const;
   [[nodiscard]] RebuildRequest with_saved_edits(const std::string& map,
                                                 RebuildRequest request) const;

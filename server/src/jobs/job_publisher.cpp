@@ -6,35 +6,10 @@
 
 #include "store/store_refusal.hpp"
 
-#include <charconv>
-#include <filesystem>
 #include <optional>
-#include <system_error>
 
 namespace stillmap::server {
 namespace {
-
-namespace fs = std::filesystem;
-
-/// The revision at which a job may make its version the active one: that of its first try. Whoever
-/// changed the map since, be it this job before a kill, has the last word.
-std::int64_t revision_to_change(const JobFolder& folder, const StoredMap& map) {
-  const std::string noted = read_small_file(folder.activation()).value_or("");
-  std::int64_t revision = 0;
-  const char* const end = noted.data() + noted.size();
-  if (!noted.empty() && std::from_chars(noted.data(), end, revision).ptr == end) return revision;
-  write_small_file(folder.activation(), std::to_string(map.revision));
-  return map.revision;
-}
-
-std::string to_json(const JobOutcome& outcome) {
-  Json json{{"version", outcome.version},
-            {"digest", outcome.digest},
-            {"activated", outcome.activated},
-            {"not_activated_because", outcome.not_activated_because}};
-  json["gate"] = outcome.gate.empty() ? Json() : Json::parse(outcome.gate);
-  return to_text(json);
-}
 
 /// What the report of a rebuild says of the gate.
 struct GateVerdict {
@@ -62,50 +37,31 @@ std::optional<GateVerdict> read_verdict(const JobFolder& folder) {
 
 }  // namespace
 
-bool JobPublisher::is_marked(std::int64_t job) const {
-  std::error_code error;
-  return fs::exists(folders_.of(job).publishing(), error);
-}
-
-void JobPublisher::remove_mark(std::int64_t job) const {
-  std::error_code error;
-  fs::remove(folders_.of(job).publishing(), error);
-}
-
-void JobPublisher::remove_marks(const std::vector<std::int64_t>& jobs) {
-  const std::scoped_lock lock(marks_mutex_);
-  for (const std::int64_t job : jobs) remove_mark(job);
-}
-
-void JobPublisher::mark(const JobFolder& folder, const std::stop_token& stop) {
-  const std::scoped_lock lock(marks_mutex_);
-  if (stop.stop_requested())
-    throw StoreRefusal(StoreRefusal::Reason::kNotProcessing, "the server ends");
-  write_small_file(folder.publishing(), "");
+std::string to_json(const JobOutcome& outcome) {
+  Json json{{"version", outcome.version},
+            {"digest", outcome.digest},
+            {"activated", outcome.activated},
+            {"not_activated_because", outcome.not_activated_because}};
+  json["gate"] = outcome.gate.empty() ? Json() : Json::parse(outcome.gate);
+  return to_text(json);
 }
 
 JobOutcome JobPublisher::publish(const StoredJob& job, const std::stop_token& stop) {
-  const JobFolder folder = folders_.of(job.id);
-  mark(folder, stop);
   const auto is_unwanted = [&] {
     return stop.stop_requested() || setup_.store.jobs().job(job.id).cancel_requested;
   };
-  const PackageStore::Added added = setup_.store.add(job.map, version_of(job), folder.map(),
-                                                     PackageStore::Maker{job, is_unwanted});
-  JobOutcome outcome = activate(job, added.version);
-  write_small_file(folder.outcome(), to_json(outcome));
-  remove_mark(job.id);
-  return outcome;
+  const PackageStore::Added added = setup_.store.add(
+      job.map, version_of(job), folders_.of(job.id).map(), PackageStore::Maker{job, is_unwanted});
+  return activate(job, added.version);
 }
 
-void JobPublisher::keep_outcome(const StoredJob& job, const StoredVersion& version,
-                                const std::string& why) {
+JobOutcome JobPublisher::outcome_without_more(const StoredJob& job, const StoredVersion& version,
+                                              const std::string& why) const {
   JobOutcome outcome{.version = version.name, .digest = version.digest};
   outcome.activated = setup_.store.state().map(job.map).active == version.name;
   if (!outcome.activated) outcome.not_activated_because.push_back(why);
-  const JobFolder folder = folders_.of(job.id);
-  if (const auto gate = read_verdict(folder)) outcome.gate = gate->json;
-  write_small_file(folder.outcome(), to_json(outcome));
+  if (const auto gate = read_verdict(folders_.of(job.id))) outcome.gate = gate->json;
+  return outcome;
 }
 
 JobOutcome JobPublisher::activate(const StoredJob& job, const StoredVersion& version) {
@@ -129,7 +85,8 @@ JobOutcome JobPublisher::activate(const StoredJob& job, const StoredVersion& ver
   const std::string judged_against = read_small_file(folder.previous()).value_or("");
   const std::string now =
       map.active ? setup_.store.state().version(map.name, *map.active).digest : std::string{};
-  const std::int64_t revision = revision_to_change(folder, map);
+  // Whoever changed the map since the first try, be it this job before a kill, has the last word.
+  const std::int64_t revision = setup_.store.jobs().activates_at(job, map.revision);
   // It may have been migrated since.
   const bool is_same = setup_.store.state().current_digest(judged_against) == now;
   if (map.revision != revision || (!request.new_frame && !is_same)) {

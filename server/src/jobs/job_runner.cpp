@@ -19,7 +19,6 @@
 #include <chrono>
 #include <exception>
 #include <filesystem>
-#include <sstream>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -40,31 +39,6 @@ constexpr std::chrono::seconds kMostBetweenTries{30};
 constexpr int kMostTimesFull = 5;
 constexpr int kLongerWhenFull = 5;
 
-/// How often a job's program, or the server while it published, crashed, with this attempt; the
-/// same however often it is asked.
-std::size_t count_crash(const JobFolder& folder, const StoredJob& job) {
-  std::size_t crashes = 0;
-  std::int64_t last_attempt = 0;
-  std::istringstream(read_small_file(folder.crashes()).value_or("")) >> crashes >> last_attempt;
-  if (last_attempt == job.attempts) return crashes;
-  ++crashes;
-  try {
-    write_small_file(folder.crashes(), fmt::format("{} {}", crashes, job.attempts));
-  } catch (const maps::StorageError& error) {
-    spdlog::error("job {}: its crash could not be counted: {}", job.id, error.what());
-  }
-  return crashes;
-}
-
-/// Of the server that works in this folder.
-std::string name_in(const fs::path& folder) {
-  const fs::path file = folder / ".server";
-  if (const auto known = read_small_file(file)) return *known;
-  std::string name = random_hex(16);
-  write_small_file(file, name);
-  return name;
-}
-
 }  // namespace
 
 JobRunner::JobRunner(const JobSetup& setup, const JobFolders& folders, JobUploads& uploads,
@@ -84,12 +58,18 @@ JobRunner::JobRunner(const JobSetup& setup, const JobFolders& folders, JobUpload
 
 JobRunner::~JobRunner() {
   for (std::jthread& thread : threads_) thread.request_stop();
-  {
-    // Of another server's jobs events alone are known here.
-    const std::scoped_lock lock(take_over_mutex_);
-    if (!locks_.empty()) publisher_.remove_marks(live_.ids());
-  }
   wake();
+  // The last one says beats, of which an excuse is the last.
+  if (!threads_.empty()) threads_.pop_back();
+  for (const auto& [claim, advance] : live_.under_way()) {
+    try {
+      setup_.store.jobs().excuse(claim);
+    } catch (const StoreRefusal&) {
+      // It has ended.
+    } catch (const std::exception& error) {
+      spdlog::warn("job {}: its server's end counts as a crash: {}", claim.id, error.what());
+    }
+  }
   threads_.clear();
   live_.close();
 }
@@ -107,7 +87,7 @@ void JobRunner::work(const std::stop_token& stop) {
     try {
       if (!take_over()) {
         pause = kLookAtLock;
-      } else if (const auto job = setup_.store.jobs().claim(unix_ns(), server_)) {
+      } else if (const auto job = setup_.store.jobs().claim(unix_ns(), server_, files_at_)) {
         run(*job, stop);
         continue;
       }
@@ -137,9 +117,14 @@ bool JobRunner::take_over() {
     if (!file.is_open() || ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) return false;
     held.push_back(std::move(file));
   }
-  server_ = name_in(folders_.root());
-  const std::size_t back =
-      setup_.store.jobs().put_back_all("the server ended meanwhile", unix_ns(), server_);
+  server_ = folders_.server();
+  files_at_.clear();
+  if (setup_.store.state().is_shared()) {
+    files_at_ = {server_, folders_.server_of_drives()};
+    spdlog::info("jobs: this is server {}", server_);
+  }
+  const std::size_t back = setup_.store.jobs().put_back_all(
+      "its server ended while it worked on it", unix_ns(), server_);
   if (back > 0) spdlog::info("{} jobs go on that were interrupted", back);
   // Whoever held the lock before is gone.
   uploads_.clear_left_by_another();
@@ -149,24 +134,38 @@ bool JobRunner::take_over() {
 }
 
 void JobRunner::watch(const std::stop_token& stop) {
+  const std::chrono::milliseconds between_beats = setup_.silent_after / 6;
+  std::optional<std::chrono::steady_clock::time_point> last_beat;
   while (!stop.stop_requested()) {
     try {
-      say_what_is_ours();
-      take_over_silent();
+      look_for_cancels();
+      const auto now = std::chrono::steady_clock::now();
+      if (!last_beat || now - *last_beat >= between_beats) {
+        last_beat = now;
+        say_what_is_ours();
+        take_over_silent();
+      }
     } catch (const std::exception& error) {
       spdlog::warn("jobs: {}", error.what());
       // Who said nothing meanwhile may have been heard by nobody.
       silent_since_.clear();
     }
     std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, stop, setup_.silent_after / 6, [] { return false; });
+    changed_.wait_for(lock, stop, std::min<std::chrono::milliseconds>(between_beats, kLookAtStore),
+                      [] { return false; });
   }
 }
 
+/// That were asked for at other servers.
+void JobRunner::look_for_cancels() {
+  if (live_.under_way().empty()) return;
+  for (const std::int64_t id : setup_.store.jobs().cancel_requests()) live_.note_cancel(id);
+}
+
 void JobRunner::say_what_is_ours() {
-  for (const JobClaim& claim : live_.claims()) {
-    if (setup_.store.jobs().beat(claim)) continue;
-    spdlog::warn("job {}: another server has taken it over", claim.id);
+  for (const auto& [claim, advance] : live_.under_way()) {
+    if (setup_.store.jobs().beat(claim, advance)) continue;
+    spdlog::warn("job {}: attempt {} was given up", claim.id, claim.attempt);
     live_.lose(claim);
   }
 }
@@ -174,10 +173,10 @@ void JobRunner::say_what_is_ours() {
 /// By this server's own clock: those of others need not agree with it.
 void JobRunner::take_over_silent() {
   const auto now = std::chrono::steady_clock::now();
-  const std::vector<JobClaim> ours = live_.claims();
+  const std::map<JobClaim, JobAdvance> ours = live_.under_way();
   std::map<JobTable::Beat, std::chrono::steady_clock::time_point> seen;
   for (const JobTable::Beat& beat : setup_.store.jobs().beats()) {
-    if (std::find(ours.begin(), ours.end(), beat.claim) != ours.end()) continue;
+    if (ours.contains(beat.claim)) continue;
     const auto known = silent_since_.find(beat);
     const auto since = known == silent_since_.end() ? now : known->second;
     if (now - since < setup_.silent_after) {
@@ -193,11 +192,9 @@ void JobRunner::take_over_silent() {
 void JobRunner::run(const StoredJob& job, const std::stop_token& stop) {
   spdlog::info("job {} begins: {} of {}, attempt {}", job.id, name_of(job.kind), job.map,
                job.attempts);
-  live_.begin(job);
-  const AttemptEnd end =
-      publisher_.is_marked(job.id)
-          ? AttemptEnd{AttemptEnd::Kind::kCrashed, "the server ended while it published the map"}
-          : attempt(job, stop);
+  const AttemptEnd end = live_.begin(job, stop)
+                             ? attempt(job, stop)
+                             : AttemptEnd{AttemptEnd::Kind::kStopped, "the server was stopped"};
   // What the store cannot keep just now, as on a full disk, is tried until the server ends; at its
   // next start the job is put back.
   std::chrono::seconds pause = kLookAtStore;
@@ -207,7 +204,7 @@ void JobRunner::run(const StoredJob& job, const std::stop_token& stop) {
     } catch (const StoreRefusal& refusal) {
       // Somebody else has ended or forgotten it.
       spdlog::error("job {}: {}", job.id, refusal.what());
-      return live_.forget(job.id);
+      return live_.forget(job);
     } catch (const std::exception& error) {
       spdlog::error("job {}: its end could not be kept: {}", job.id, error.what());
     }
@@ -218,21 +215,27 @@ void JobRunner::run(const StoredJob& job, const std::stop_token& stop) {
 }
 
 AttemptEnd JobRunner::attempt(const StoredJob& job, const std::stop_token& stop) {
+  // Else a job that is too large for its server would end it again and again.
+  if (job.crashes > setup_.live.current()->jobs.retries)
+    return {
+        AttemptEnd::Kind::kFailed,
+        fmt::format("{}, {} times: ask again with less at a time, or give the server more memory",
+                    job.error, job.crashes)};
   JobAttempt attempt{
       .command = {},
       .limits = setup_.limits(),
       .log = folders_.of(job.id).log(),
       .most = std::chrono::seconds(setup_.live.current()->jobs.time_limit_s),
-      .is_canceled = [&] { return live_.wants_cancel(job.id); },
+      .is_canceled = [&] { return live_.wants_cancel(job); },
       .is_stopping = [&] { return stop.stop_requested(); },
       .on_progress = [&](const JobProgress& progress) { live_.note_progress(job, progress); },
       .leaves_jobs = {}};
   using Kind = AttemptEnd::Kind;
   AttemptEnd unprepared;
   try {
-    // Another server follows them then, or this one when it is back.
+    // This server follows them when it is back, or another one in its folder does.
     if (runs_in_cluster(setup_.live.current()->jobs))
-      attempt.leaves_jobs = [&] { return stop.stop_requested() || live_.is_lost(job.id); };
+      attempt.leaves_jobs = [&] { return stop.stop_requested(); };
     attempt.command = prepare(job, [&] { return attempt.is_canceled() || attempt.is_stopping(); });
     return run_attempt(attempt);
   } catch (const ProgramCrash& error) {
@@ -287,7 +290,7 @@ void JobRunner::conclude(const StoredJob& job, const AttemptEnd& end, const std:
   JobTable& jobs = setup_.store.jobs();
   switch (end.kind) {
     case Kind::kDone:
-      if (live_.wants_cancel(job.id)) return live_.end(jobs.end_canceled(job, unix_ns()));
+      if (live_.wants_cancel(job)) return live_.end(jobs.end_canceled(job, unix_ns()));
       return publish(job, stop);
     case Kind::kFailed:
     case Kind::kTimedOut:
@@ -319,12 +322,11 @@ void JobRunner::publish(const StoredJob& job, const std::stop_token& stop) {
     spdlog::error("job {}: {}", job.id, error.what());
     return try_again(job, "it could not be published: " + folders_.without_places(error.what()));
   }
-  live_.end(setup_.store.jobs().succeed(job, outcome.version, unix_ns()));
+  live_.end(setup_.store.jobs().succeed(job, outcome.version, unix_ns(), to_json(outcome)));
 }
 
 /// Because it is cancelled, or to go on when the server starts again.
 void JobRunner::give_up_publishing(const StoredJob& job) {
-  publisher_.remove_mark(job.id);
   JobTable& jobs = setup_.store.jobs();
   live_.end(is_canceled(job) ? jobs.end_canceled(job, unix_ns())
                              : jobs.put_back(job, "the server was stopped", unix_ns()));
@@ -336,26 +338,24 @@ void JobRunner::fail(const StoredJob& job, const std::string& why) {
   const std::optional<std::string> name = jobs.job(job.id).result_version;
   const auto version = name ? setup_.store.state().find_version(job.map, *name) : std::nullopt;
   if (!version) return live_.end(jobs.fail(job, why, unix_ns()));
-  publisher_.keep_outcome(job, *version, why);
-  live_.end(jobs.succeed(job, version->name, unix_ns()));
+  live_.end(jobs.succeed(job, version->name, unix_ns(),
+                         to_json(publisher_.outcome_without_more(job, *version, why))));
 }
 
 /// As often as the options allow; then it has failed.
 void JobRunner::try_again(const StoredJob& job, const std::string& why) {
-  const std::size_t crashes = count_crash(folders_.of(job.id), job);
-  publisher_.remove_mark(job.id);
+  const std::int64_t crashes = job.crashes + 1;
   const std::string words = folders_.without_places(why);
-  if (crashes > static_cast<std::size_t>(setup_.live.current()->jobs.retries))
+  if (crashes > setup_.live.current()->jobs.retries)
     return fail(job, fmt::format("{}, {} times", words, crashes));
   spdlog::warn("job {} is tried again: {}", job.id, words);
-  live_.end(setup_.store.jobs().put_back(job, words, unix_ns()));
+  live_.end(setup_.store.jobs().put_back(job, words, unix_ns(), JobTable::Crashed::kYes));
 }
 
 /// After a pause, from its last checkpoint. It keeps its turn: jobs behind it would meet the same
 /// full disk.
 void JobRunner::try_again_with_room(const StoredJob& job, const std::string& why,
                                     const std::stop_token& stop) {
-  publisher_.remove_mark(job.id);
   const std::string words = folders_.without_places(why);
   const int times = live_.count_full_disk(job);
   if (times > kMostTimesFull) {

@@ -42,6 +42,7 @@ class JobRunner {
   void work(const std::stop_token& stop);
   bool take_over();
   void watch(const std::stop_token& stop);
+  void look_for_cancels();
   void say_what_is_ours();
   void take_over_silent();
   void run(const StoredJob& job, const std::stop_token& stop);
@@ -69,6 +70,8 @@ class JobRunner {
   std::vector<Descriptor> locks_;
   /// By which the state knows this server, also after its restart; set with `locks_`.
   std::string server_;
+  /// Names under which files of jobs are here; empty where all are. Set with `locks_`.
+  std::vector<std::string> files_at_;
   /// What others do, and since when they have said nothing. For `watch` alone.
   std::map<JobTable::Beat, std::chrono::steady_clock::time_point> silent_since_;
   std::mutex mutex_;

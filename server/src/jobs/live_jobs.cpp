@@ -27,12 +27,23 @@ JobView LiveJobs::view(std::int64_t id) const { return view(setup_.store.jobs().
 JobView LiveJobs::view(const StoredJob& job) const {
   JobView view{.job = job};
   if (job.status == JobStatus::kProcessing) {
+    view.progress = JobProgress{
+        .stage = job.stage, .fraction = job.advance.fraction, .eta_s = job.advance.eta_s};
     const std::scoped_lock lock(mutex_);
-    const auto found = live_.find(job.id);
-    if (found != live_.end()) view.progress = found->second.progress;
+    const auto found = attempts_.find(job);
+    view.is_here = found != attempts_.end();
+    if (view.is_here) view.progress = found->second.progress;
   }
-  if (job.status == JobStatus::kSucceeded)
-    view.outcome = read_small_file(folders_.of(job.id).outcome()).value_or("");
+  if (job.status == JobStatus::kEnqueued) view.is_here = folders_.has_files_of(job.files_at);
+  if (job.status == JobStatus::kEnqueued && !view.is_here)
+    view.job.stage = "waits for server " + job.files_at + ", which has its " +
+                     (job.kind == JobKind::kConvert ? "file" : "drives");
+  if (job.status == JobStatus::kSucceeded) {
+    view.outcome = job.outcome;
+    // An older program kept it in a file.
+    if (view.outcome.empty())
+      view.outcome = read_small_file(folders_.of(job.id).outcome()).value_or("");
+  }
   return view;
 }
 
@@ -46,25 +57,33 @@ std::shared_ptr<JobEvents> LiveJobs::events(std::int64_t id) {
 StoredJob LiveJobs::cancel(std::int64_t id) {
   const std::int64_t now_ns = unix_ns();
   StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
-  if (job.status == JobStatus::kCanceled) {
-    // Else it had ended before, and was told of and counted then.
-    if (job.finished_ns == now_ns) end(job);
-    return job;
-  }
-  // None, when it has ended meanwhile: an entry made here would stay, and its events never end. One
-  // that is about to begin looks at the store.
-  const std::scoped_lock lock(mutex_);
-  if (const auto found = live_.find(id); found != live_.end()) found->second.cancel = true;
+  note_cancel(id);
+  // Else it goes on for now, or had ended before, and was told of and counted then.
+  if (job.status == JobStatus::kCanceled && job.finished_ns == now_ns) tell_end(job);
   return job;
 }
 
-void LiveJobs::begin(const StoredJob& job) {
+std::pair<std::map<JobClaim, LiveJobs::Attempt>::iterator,
+          std::map<JobClaim, LiveJobs::Attempt>::iterator>
+LiveJobs::attempts_at(std::int64_t id) {
+  const auto at = [&](std::int64_t job) {
+    return attempts_.lower_bound(StoredJob{.id = job, .attempts = 0});
+  };
+  return {at(id), at(id + 1)};
+}
+
+bool LiveJobs::begin(const StoredJob& job, const std::stop_token& stop) {
   {
-    const std::scoped_lock lock(mutex_);
-    live_[job.id].progress = {};
-    live_[job.id].claim = job;
+    std::unique_lock lock(mutex_);
+    attempts_[job] = {};
+    const auto is_oldest = [&] { return attempts_at(job.id).first->first == JobClaim(job); };
+    for (auto [each, end] = attempts_at(job.id); each != end && each->first != JobClaim(job);
+         ++each)
+      each->second.cancel = true;
+    if (!attempt_ended_.wait(lock, stop, is_oldest)) return false;
   }
   note_progress(job, {.stage = "prepare"});
+  return true;
 }
 
 void LiveJobs::note_progress(const StoredJob& job, const JobProgress& progress) {
@@ -72,10 +91,10 @@ void LiveJobs::note_progress(const StoredJob& job, const JobProgress& progress) 
   bool is_new_stage = false;
   {
     const std::scoped_lock lock(mutex_);
-    Live& live = live_[job.id];
-    is_new_stage = live.progress.stage != progress.stage;
-    live.progress = progress;
-    events = live.events;
+    JobProgress& known = attempts_[job].progress;
+    is_new_stage = known.stage != progress.stage;
+    known = progress;
+    events = live_[job.id].events;
   }
   JobView view{.job = job, .progress = progress};
   view.job.stage = progress.stage;
@@ -83,24 +102,17 @@ void LiveJobs::note_progress(const StoredJob& job, const JobProgress& progress) 
   if (!is_new_stage) return;
   try_or_log("its stage could not be kept", job.id,
              [&] { setup_.store.jobs().set_stage(job, progress.stage); });
-  try_or_log("whether it was cancelled is not known", job.id, [&] {
-    // By another process, or before the restart.
-    if (!setup_.store.jobs().job(job.id).cancel_requested) return;
-    const std::scoped_lock lock(mutex_);
-    live_[job.id].cancel = true;
-  });
 }
 
-bool LiveJobs::wants_cancel(std::int64_t id) const {
+bool LiveJobs::wants_cancel(const JobClaim& claim) const {
   const std::scoped_lock lock(mutex_);
-  const auto found = live_.find(id);
-  return found != live_.end() && found->second.cancel;
+  const auto found = attempts_.find(claim);
+  return found != attempts_.end() && found->second.cancel;
 }
 
-bool LiveJobs::is_lost(std::int64_t id) const {
+void LiveJobs::note_cancel(std::int64_t id) {
   const std::scoped_lock lock(mutex_);
-  const auto found = live_.find(id);
-  return found != live_.end() && found->second.lost;
+  for (auto [each, end] = attempts_at(id); each != end; ++each) each->second.cancel = true;
 }
 
 int LiveJobs::count_full_disk(const StoredJob& job) {
@@ -112,14 +124,24 @@ int LiveJobs::count_full_disk(const StoredJob& job) {
 }
 
 void LiveJobs::end(const StoredJob& job) {
+  {
+    const std::scoped_lock lock(mutex_);
+    attempts_.erase(job);
+    attempt_ended_.notify_all();
+  }
+  tell_end(job);
+}
+
+void LiveJobs::tell_end(const StoredJob& job) {
   const bool finished = is_finished(job.status);
   std::shared_ptr<JobEvents> events;
+  bool is_left = true;
   {
     const std::scoped_lock lock(mutex_);
     events = live_[job.id].events;
-    live_[job.id].progress = {};
-    live_[job.id].claim.reset();
     if (finished) live_.erase(job.id);
+    const auto [first, end] = attempts_at(job.id);
+    is_left = first == end;
   }
   events->add(finished ? "end" : "progress", job_event_json(view(job)), unix_ns());
   if (!finished) return;
@@ -129,39 +151,35 @@ void LiveJobs::end(const StoredJob& job) {
   const double seconds =
       1e-9 * static_cast<double>(*job.finished_ns - job.started_ns.value_or(*job.finished_ns));
   setup_.metrics.job_ended(name_of(job.status), seconds);
-  clear_folder(folders_.of(job.id).scratch());
+  // Else an attempt that was lost works in it still; housekeeping clears it.
+  if (is_left) folders_.clear_work(folders_.of(job.id));
   try_or_log("its upload was not cleared", job.id, [&] { uploads_.clear_unused(); });
 }
 
-void LiveJobs::forget(std::int64_t id) {
+std::map<JobClaim, JobAdvance> LiveJobs::under_way() const {
   const std::scoped_lock lock(mutex_);
-  const auto found = live_.find(id);
-  if (found == live_.end()) return;
-  found->second.events->close();
-  live_.erase(found);
-}
-
-std::vector<JobClaim> LiveJobs::claims() const {
-  const std::scoped_lock lock(mutex_);
-  std::vector<JobClaim> claims;
-  for (const auto& [id, live] : live_)
-    if (live.claim) claims.push_back(*live.claim);
-  return claims;
+  std::map<JobClaim, JobAdvance> under_way;
+  for (const auto& [claim, attempt] : attempts_)
+    under_way[claim] = {attempt.progress.fraction, attempt.progress.eta_s};
+  return under_way;
 }
 
 void LiveJobs::lose(const JobClaim& claim) {
   const std::scoped_lock lock(mutex_);
-  const auto found = live_.find(claim.id);
-  if (found == live_.end() || found->second.claim != claim) return;
-  found->second.cancel = true;
-  found->second.lost = true;
+  const auto found = attempts_.find(claim);
+  if (found != attempts_.end()) found->second.cancel = true;
 }
 
-std::vector<std::int64_t> LiveJobs::ids() const {
+void LiveJobs::forget(const JobClaim& claim) {
   const std::scoped_lock lock(mutex_);
-  std::vector<std::int64_t> ids;
-  for (const auto& [id, live] : live_) ids.push_back(id);
-  return ids;
+  attempts_.erase(claim);
+  attempt_ended_.notify_all();
+  // Another one may be under way here, and goes on with the events.
+  const auto [first, end] = attempts_at(claim.id);
+  const auto found = live_.find(claim.id);
+  if (first != end || found == live_.end()) return;
+  found->second.events->close();
+  live_.erase(found);
 }
 
 void LiveJobs::close() {

@@ -3,7 +3,6 @@
 #include <stillmap/mapping/build_units.hpp>
 #include <stillmap/maps/error.hpp>
 #include <stillmap/maps/hidden_beside.hpp>
-#include <stillmap/maps/map_package.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -26,6 +25,7 @@
 #include "errors/exit_codes.hpp"
 #include "mapper/slurm_folder.hpp"
 #include "mapper/slurm_jobs.hpp"
+#include "mapper/slurm_name.hpp"
 #include "mapper/slurm_program.hpp"
 
 namespace stillmap::mapper {
@@ -84,11 +84,6 @@ std::string plan_of(const SlurmBuild& build) {
                      fmt::join(build.command, "\n"));
 }
 
-std::string job_name(const std::string& plan) {
-  constexpr std::size_t kLetters = 12;
-  return "stillmap-" + maps::sha256_of(plan).substr(0, kLetters);
-}
-
 void require_new(const fs::path& target) {
   if (fs::exists(fs::symlink_status(target)))
     throw maps::InputError(target.string(), "an existing path", "a new one: give another name");
@@ -123,7 +118,7 @@ class SlurmJobs {
         folder_(slurm_folder(build.target)),
         held_(std::make_shared<HeldFolder>(folder_, cancel)),
         plan_(plan_of(build)),
-        name_(job_name(plan_)) {
+        name_(slurm_job_name(plan_)) {
     for (const auto& step : mapping::unit_steps(build.units)) {
       const std::string name = mapping::name_of(step.front());
       steps_.push_back({name.substr(0, name.find(':')), step.size(), {}});
@@ -132,7 +127,7 @@ class SlurmJobs {
 
   SlurmResult run() {
     // Another process has followed jobs to their end, and removed the folder.
-    if (!fs::exists(folder_ / "plan") && fs::exists(build_.target)) {
+    if (!fs::exists(folder_ / kSlurmPlan) && fs::exists(build_.target)) {
       held_->set_done();
       if (held_->plan_of_other() == plan_) return {std::nullopt, held_};
     }
@@ -204,10 +199,10 @@ class SlurmJobs {
 
   /// Finds what an earlier call has left.
   void begin() {
-    const fs::path plan = folder_ / "plan";
+    const fs::path plan = folder_ / kSlurmPlan;
     const std::string found = file_text(plan);
     if (found != plan_) require_new(build_.target);
-    if (!found.empty() && found != plan_) end_jobs(job_name(found));
+    if (!found.empty() && found != plan_) end_jobs(slurm_job_name(found));
     std::optional<std::vector<SlurmTask>> tasks;
     while (!(tasks = tasks_in_queue(name_))) {
       if (cancel_) throw_cancelled();
@@ -533,7 +528,7 @@ std::vector<std::string> unit_command(const CLI::App& command,
   return words;
 }
 
-fs::path slurm_folder(const fs::path& target) { return maps::hidden_beside(target, ".slurm"); }
+fs::path slurm_folder(const fs::path& target) { return maps::hidden_beside(target, kSlurmFolder); }
 
 SlurmResult build_in_slurm(const SlurmBuild& build, const mapping::ProgressCallback& progress,
                            const mapping::CancelFlag& cancel) {

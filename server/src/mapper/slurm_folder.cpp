@@ -19,6 +19,8 @@
 #include <thread>
 #include <utility>
 
+#include "mapper/slurm_name.hpp"
+
 namespace stillmap::mapper {
 namespace {
 
@@ -63,7 +65,7 @@ HeldFolder::HeldFolder(fs::path folder, const mapping::CancelFlag& cancel)
     if (!told)
       fmt::print(stderr, "stillmap: waits for another process that follows the jobs of {}\n",
                  folder_.string());
-    if (std::string plan = file_text(folder_ / "plan"); !plan.empty())
+    if (std::string plan = file_text(folder_ / kSlurmPlan); !plan.empty())
       plan_of_other_ = std::move(plan);
     std::this_thread::sleep_for(kBetweenTries);
   }

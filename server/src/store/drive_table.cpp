@@ -18,7 +18,7 @@ constexpr const char* kSelectDrives =
     "SELECT id, map, name, CASE WHEN needs_choice <> 0 THEN 'needs_choice' ELSE status END, error, "
     "created_ns,"
     " finished_ns, (SELECT coalesce(sum(bytes), 0) FROM drive_parts WHERE drive = id), version,"
-    " content_type, inspection FROM drives ";
+    " content_type, inspection, files_at FROM drives ";
 
 DriveStatus status_of(const std::string& name) {
   for (const DriveStatus status : {DriveStatus::kOpen, DriveStatus::kNeedsChoice})
@@ -36,6 +36,7 @@ StoredDrive drive_of(const Statement& row) {
   drive.target = {.version = row.optional_text(8).value_or(""),
                   .content_type = row.optional_text(9).value_or("")};
   drive.inspection = row.text(10);
+  drive.files_at = row.text(11);
   return drive;
 }
 
@@ -127,15 +128,16 @@ std::string_view name_of(DriveStatus status) {
   throw std::invalid_argument("not a status of a drive");
 }
 
-StoredDrive DriveTable::open(std::string_view map, std::string_view name, std::int64_t now_ns) {
+StoredDrive DriveTable::open(std::string_view map, std::string_view name, std::int64_t now_ns,
+                             std::string_view files_at) {
   Writing writing(*database_);
   Database& database = writing.database();
   (void)known_map(database, map);
   const auto id = [&] {
     Statement row(database,
-                  "INSERT INTO drives (map, name, status, created_ns) VALUES (?, ?, 'open', ?)"
-                  " RETURNING id");
-    row.bind(map).bind(name).bind(now_ns).step();
+                  "INSERT INTO drives (map, name, status, created_ns, files_at)"
+                  " VALUES (?, ?, 'open', ?, ?) RETURNING id");
+    row.bind(map).bind(name).bind(now_ns).bind(files_at).step();
     return row.integer(0);
   }();
   StoredDrive drive = known_drive(database, id);
@@ -144,7 +146,7 @@ StoredDrive DriveTable::open(std::string_view map, std::string_view name, std::i
 }
 
 StoredDrive DriveTable::open_upload(std::string_view map, const UploadTarget& target,
-                                    std::int64_t now_ns) {
+                                    std::int64_t now_ns, std::string_view files_at) {
   if (!is_valid_map_name(target.version))
     throw std::invalid_argument("version: " + in_quotes(target.version) +
                                 ", [a-z0-9][a-z0-9._-]{0,62} expected");
@@ -153,9 +155,9 @@ StoredDrive DriveTable::open_upload(std::string_view map, const UploadTarget& ta
   (void)known_map(database, map);
   const auto id = [&] {
     Statement row(database,
-                  "INSERT INTO drives (map, name, status, created_ns, version, content_type)"
-                  " VALUES (?, '', 'open', ?, ?, ?) RETURNING id");
-    row.bind(map).bind(now_ns).bind(target.version).bind(target.content_type).step();
+                  "INSERT INTO drives (map, name, status, created_ns, version, content_type,"
+                  " files_at) VALUES (?, '', 'open', ?, ?, ?, ?) RETURNING id");
+    row.bind(map).bind(now_ns).bind(target.version).bind(target.content_type).bind(files_at).step();
     return row.integer(0);
   }();
   StoredDrive upload = known_drive(database, id);

@@ -56,6 +56,8 @@ struct StoredDrive {
   std::optional<std::int64_t> finished_ns{};
   /// Of an upload that becomes a version.
   UploadTarget target{};
+  /// The server in whose folder its bytes are; empty where that is not known.
+  std::string files_at{};
   [[nodiscard]] bool is_upload() const { return !target.version.empty(); }
   auto operator<=>(const StoredDrive&) const = default;
 };
@@ -70,12 +72,14 @@ class DriveTable {
  public:
   static constexpr std::int64_t kMostParts = 10'000;
 
-  /// @throws StoreRefusal kUnknownMap.
-  StoredDrive open(std::string_view map, std::string_view name, std::int64_t now_ns);
+  /// @param files_at  the server that keeps its bytes. @throws StoreRefusal kUnknownMap.
+  StoredDrive open(std::string_view map, std::string_view name, std::int64_t now_ns,
+                   std::string_view files_at = {});
   /// An upload that becomes a version; a complete one takes no room, and goes with its map.
   /// @param target  whose version is `is_valid_map_name`.
   /// @throws StoreRefusal kUnknownMap; std::invalid_argument.
-  StoredDrive open_upload(std::string_view map, const UploadTarget& target, std::int64_t now_ns);
+  StoredDrive open_upload(std::string_view map, const UploadTarget& target, std::int64_t now_ns,
+                          std::string_view files_at = {});
   /// @return false when the same part is there already. @throws StoreRefusal kDriveNotOpen,
   /// kOtherDigest, kOverQuota; std::invalid_argument for a number or digest that is none.
   bool add_part(std::int64_t id, const DrivePart& part, const StoreQuota& quota = {});

@@ -23,11 +23,28 @@ constexpr std::array<std::pair<JobStatus, std::string_view>, 5> kStatusNames = {
     {JobStatus::kCanceled, "canceled"},
 }};
 constexpr std::size_t kLargestJobPage = 1000;
-/// Of the requests on a page: they may hold the corrections of a whole map.
-constexpr std::size_t kMostRequestBytes = std::size_t{4} << 20U;
+/// Of the requests and outcomes on a page: they may hold the corrections of a whole map.
+constexpr std::size_t kMostPageBytes = std::size_t{4} << 20U;
 constexpr const char* kSelectJobs =
     "SELECT id, kind, map, request, status, stage, error, result_version, attempts, enqueued_ns,"
-    " started_ns, finished_ns, asker, idempotency_key, cancel_requested FROM jobs ";
+    " started_ns, finished_ns, asker, idempotency_key, cancel_requested, server,"
+    " files_at, fraction, eta_s, outcome, crashes FROM jobs ";
+
+constexpr const char* kSelectBeats =
+    "SELECT id, attempts, beat FROM jobs WHERE status = 'processing'";
+/// The last beat of an attempt whose server ends in order.
+constexpr std::int64_t kExcused = -1;
+
+std::vector<JobTable::Beat> beats_of(Statement& row) {
+  std::vector<JobTable::Beat> beats;
+  while (row.step())
+    beats.push_back({StoredJob{.id = row.integer(0), .attempts = row.integer(1)}, row.integer(2)});
+  return beats;
+}
+
+JobTable::Crashed crashed_by(const JobTable::Beat& last) {
+  return last.beats == kExcused ? JobTable::Crashed::kNo : JobTable::Crashed::kYes;
+}
 
 StoredJob job_of(const Statement& row) {
   StoredJob job{.id = row.integer(0), .map = row.text(2), .request = row.text(3)};
@@ -43,6 +60,12 @@ StoredJob job_of(const Statement& row) {
   job.asker = row.text(12);
   job.idempotency_key = row.optional_text(13);
   job.cancel_requested = row.integer(14) != 0;
+  job.server = row.text(15);
+  job.files_at = row.text(16);
+  job.advance.fraction = row.real(17);
+  if (row.real(18) >= 0.0) job.advance.eta_s = row.real(18);
+  job.outcome = row.text(19);
+  job.crashes = row.integer(20);
   return job;
 }
 
@@ -70,8 +93,8 @@ StoredJob processing_job(Database& database, const JobClaim& claim) {
 void update(Database& database, const StoredJob& job) {
   Statement(database,
             "UPDATE jobs SET status = ?, stage = ?, error = ?, result_version = ?,"
-            " attempts = ?, started_ns = ?, finished_ns = ?, cancel_requested = ?"
-            " WHERE id = ?")
+            " attempts = ?, started_ns = ?, finished_ns = ?, cancel_requested = ?, outcome = ?,"
+            " crashes = ? WHERE id = ?")
       .bind(name_of(job.status))
       .bind(job.stage)
       .bind(job.error)
@@ -80,6 +103,8 @@ void update(Database& database, const StoredJob& job) {
       .bind(job.started_ns)
       .bind(job.finished_ns)
       .bind(std::int64_t{job.cancel_requested})
+      .bind(job.outcome)
+      .bind(job.crashes)
       .bind(job.id)
       .step();
 }
@@ -90,8 +115,10 @@ void end(StoredJob& job, JobStatus status, std::int64_t now_ns) {
   job.cancel_requested = false;
 }
 
-void put_back_or_cancel(StoredJob& job, std::string_view error, std::int64_t now_ns) {
+void put_back_or_cancel(StoredJob& job, std::string_view error, std::int64_t now_ns,
+                        JobTable::Crashed crashed) {
   job.error = error;
+  if (crashed == JobTable::Crashed::kYes) ++job.crashes;
   if (job.cancel_requested) return end(job, JobStatus::kCanceled, now_ns);
   job.status = JobStatus::kEnqueued;
 }
@@ -123,22 +150,40 @@ std::optional<StoredJob> asked_before(Database& database, const NewJob& job,
   return known_job(database, row.integer(0));
 }
 
-void check_drive(Database& database, std::string_view map, std::int64_t drive) {
-  Statement row(database, "SELECT status FROM drives WHERE id = ? AND map = ? AND version IS NULL");
+/// @return the server in whose folder it is.
+std::string check_drive(Database& database, std::string_view map, std::int64_t drive) {
+  Statement row(database,
+                "SELECT status, files_at FROM drives WHERE id = ? AND map = ? AND version IS NULL");
   if (!row.bind(drive).bind(map).step())
     throw StoreRefusal(Reason::kUnknownDrive,
                        "map " + in_quotes(map) + " has no drive " + std::to_string(drive));
   if (row.text(0) != "complete")
     throw StoreRefusal(Reason::kDriveNotComplete,
                        "drive " + std::to_string(drive) + " is " + row.text(0) + ", not complete");
+  return row.text(1);
 }
 
-std::int64_t insert(Database& database, const NewJob& job, const std::string& sha256,
-                    std::int64_t now_ns) {
+/// Of all that the job reads; empty where no server is known to have it.
+std::string files_of(Database& database, const NewJob& job) {
+  std::string files_at = job.files_at;
+  for (const std::int64_t drive : job.drives) {
+    const std::string at = check_drive(database, job.map, drive);
+    if (!at.empty() && !files_at.empty() && at != files_at)
+      throw StoreRefusal(Reason::kOtherServer,
+                         "drive " + std::to_string(drive) + " is in the folder of server " + at +
+                             ", and another drive of the job in that of server " + files_at +
+                             ": upload all drives of a rebuild to one server");
+    if (!at.empty()) files_at = at;
+  }
+  return files_at;
+}
+
+std::int64_t insert(Database& database, const NewJob& job, const std::string& files_at,
+                    const std::string& sha256, std::int64_t now_ns) {
   Statement row(database,
                 "INSERT INTO jobs (kind, map, request, status, enqueued_ns, asker,"
-                " idempotency_key, request_sha256) VALUES (?, ?, ?, 'enqueued', ?, ?, ?, ?)"
-                " RETURNING id");
+                " idempotency_key, request_sha256, files_at)"
+                " VALUES (?, ?, ?, 'enqueued', ?, ?, ?, ?, ?) RETURNING id");
   row.bind(name_of(job.kind))
       .bind(job.map)
       .bind(job.request)
@@ -146,6 +191,7 @@ std::int64_t insert(Database& database, const NewJob& job, const std::string& sh
       .bind(job.asker)
       .bind(job.idempotency_key)
       .bind(sha256)
+      .bind(files_at)
       .step();
   const std::int64_t id = row.integer(0);
   for (const std::int64_t drive : job.drives)
@@ -194,20 +240,25 @@ JobTable::Enqueued JobTable::enqueue(const NewJob& job, std::int64_t now_ns) {
   if (std::optional<StoredJob> before = asked_before(database, job, sha256))
     return {*std::move(before), false};
   (void)known_map(database, job.map);
-  for (const std::int64_t drive : job.drives) check_drive(database, job.map, drive);
-  const std::int64_t id = insert(database, job, sha256, now_ns);
+  const std::string files_at = files_of(database, job);
+  const std::int64_t id = insert(database, job, files_at, sha256, now_ns);
   Enqueued enqueued{known_job(database, id), true};
   writing.commit();
   return enqueued;
 }
 
-std::optional<StoredJob> JobTable::claim(std::int64_t now_ns, std::string_view server) {
+std::optional<StoredJob> JobTable::claim(std::int64_t now_ns, std::string_view server,
+                                         const std::vector<std::string>& files_at) {
+  std::string where = "WHERE status = 'enqueued'";
+  for (std::size_t i = 0; i < files_at.size(); ++i)
+    where += i == 0 ? " AND files_at IN ('', ?" : ", ?";
+  if (!files_at.empty()) where += ")";
   Writing writing(*database_);
   Database& database = writing.database();
   StoredJob job;
   {
-    Statement row(database,
-                  std::string(kSelectJobs) + "WHERE status = 'enqueued' ORDER BY id LIMIT 1");
+    Statement row(database, kSelectJobs + where + " ORDER BY id LIMIT 1");
+    for (const std::string& each : files_at) row.bind(each);
     if (!row.step()) return std::nullopt;
     job = job_of(row);
   }
@@ -215,8 +266,10 @@ std::optional<StoredJob> JobTable::claim(std::int64_t now_ns, std::string_view s
   job.stage.clear();
   ++job.attempts;
   job.started_ns = now_ns;
+  job.server = server;
+  job.advance = {};
   update(database, job);
-  Statement(database, "UPDATE jobs SET server = ?, beat = 0 WHERE id = ?")
+  Statement(database, "UPDATE jobs SET server = ?, beat = 0, fraction = 0, eta_s = -1 WHERE id = ?")
       .bind(server)
       .bind(job.id)
       .step();
@@ -224,11 +277,13 @@ std::optional<StoredJob> JobTable::claim(std::int64_t now_ns, std::string_view s
   return job;
 }
 
-bool JobTable::beat(const JobClaim& claim) {
+bool JobTable::beat(const JobClaim& claim, const JobAdvance& advance) {
   Writing writing(*database_);
-  Statement(
-      writing.database(),
-      "UPDATE jobs SET beat = beat + 1 WHERE id = ? AND attempts = ? AND status = 'processing'")
+  Statement(writing.database(),
+            "UPDATE jobs SET beat = beat + 1, fraction = ?, eta_s = ? WHERE id = ? AND attempts = ?"
+            " AND status = 'processing'")
+      .bind_real(advance.fraction)
+      .bind_real(advance.eta_s.value_or(-1.0))
       .bind(claim.id)
       .bind(claim.attempt)
       .step();
@@ -239,12 +294,17 @@ bool JobTable::beat(const JobClaim& claim) {
 
 std::vector<JobTable::Beat> JobTable::beats() const {
   const Reading reading(*database_);
+  Statement row(reading.database(), kSelectBeats);
+  return beats_of(row);
+}
+
+std::vector<std::int64_t> JobTable::cancel_requests() const {
+  const Reading reading(*database_);
   Statement row(reading.database(),
-                "SELECT id, attempts, beat FROM jobs WHERE status = 'processing'");
-  std::vector<Beat> beats;
-  while (row.step())
-    beats.push_back({StoredJob{.id = row.integer(0), .attempts = row.integer(1)}, row.integer(2)});
-  return beats;
+                "SELECT id FROM jobs WHERE status = 'processing' AND cancel_requested <> 0");
+  std::vector<std::int64_t> ids;
+  while (row.step()) ids.push_back(row.integer(0));
+  return ids;
 }
 
 bool JobTable::put_back_silent(const Beat& last, std::string_view error, std::int64_t now_ns) {
@@ -254,7 +314,7 @@ bool JobTable::put_back_silent(const Beat& last, std::string_view error, std::in
                 " AND status = 'processing'");
   if (!row.bind(last.claim.id).bind(last.claim.attempt).bind(last.beats).step()) return false;
   StoredJob job = processing_job(writing.database(), last.claim);
-  put_back_or_cancel(job, error, now_ns);
+  put_back_or_cancel(job, error, now_ns, crashed_by(last));
   update(writing.database(), job);
   writing.commit();
   return true;
@@ -268,13 +328,29 @@ void JobTable::set_stage(const JobClaim& claim, std::string_view stage) {
   writing.commit();
 }
 
+std::int64_t JobTable::activates_at(const JobClaim& claim, std::int64_t revision) {
+  Writing writing(*database_);
+  (void)processing_job(writing.database(), claim);
+  Statement(writing.database(),
+            "UPDATE jobs SET activates_at = coalesce(activates_at, ?) WHERE id = ?")
+      .bind(revision)
+      .bind(claim.id)
+      .step();
+  Statement row(writing.database(), "SELECT activates_at FROM jobs WHERE id = ?");
+  row.bind(claim.id).step();
+  const std::int64_t kept = row.integer(0);
+  writing.commit();
+  return kept;
+}
+
 StoredJob JobTable::succeed(const JobClaim& claim, std::string_view result_version,
-                            std::int64_t now_ns) {
+                            std::int64_t now_ns, std::string_view outcome) {
   Writing writing(*database_);
   StoredJob job = processing_job(writing.database(), claim);
   end(job, JobStatus::kSucceeded, now_ns);
   job.error.clear();
   job.result_version = result_version;
+  job.outcome = outcome;
   update(writing.database(), job);
   writing.commit();
   return job;
@@ -303,31 +379,41 @@ StoredJob JobTable::end_canceled(const JobClaim& claim, std::int64_t now_ns) {
   });
 }
 
-StoredJob JobTable::put_back(const JobClaim& claim, std::string_view error, std::int64_t now_ns) {
+StoredJob JobTable::put_back(const JobClaim& claim, std::string_view error, std::int64_t now_ns,
+                             Crashed crashed) {
   Writing writing(*database_);
   StoredJob job = processing_job(writing.database(), claim);
-  put_back_or_cancel(job, error, now_ns);
+  put_back_or_cancel(job, error, now_ns, crashed);
   update(writing.database(), job);
   writing.commit();
   return job;
 }
 
+void JobTable::excuse(const JobClaim& claim) {
+  Writing writing(*database_);
+  (void)processing_job(writing.database(), claim);
+  Statement(writing.database(), "UPDATE jobs SET beat = ? WHERE id = ?")
+      .bind(kExcused)
+      .bind(claim.id)
+      .step();
+  writing.commit();
+}
+
 std::size_t JobTable::put_back_all(std::string_view error, std::int64_t now_ns,
                                    std::string_view server) {
   Writing writing(*database_);
-  std::vector<StoredJob> jobs;
+  std::vector<Beat> left;
   {
-    Statement row(writing.database(),
-                  std::string(kSelectJobs) + "WHERE status = 'processing' AND server IN (?, '')");
-    row.bind(server);
-    while (row.step()) jobs.push_back(job_of(row));
+    Statement row(writing.database(), std::string(kSelectBeats) + " AND server IN (?, '')");
+    left = beats_of(row.bind(server));
   }
-  for (StoredJob& job : jobs) {
-    put_back_or_cancel(job, error, now_ns);
+  for (const Beat& last : left) {
+    StoredJob job = processing_job(writing.database(), last.claim);
+    put_back_or_cancel(job, error, now_ns, crashed_by(last));
     update(writing.database(), job);
   }
   writing.commit();
-  return jobs.size();
+  return left.size();
 }
 
 StoredJob JobTable::request_cancel(std::int64_t id, std::int64_t now_ns) {
@@ -396,12 +482,12 @@ JobTable::Page JobTable::list(const Filter& filter, std::size_t limit,
   Page page;
   std::size_t bytes = 0;
   while (row.step()) {
-    if (page.jobs.size() == limit || bytes > kMostRequestBytes) {
+    if (page.jobs.size() == limit || bytes > kMostPageBytes) {
       page.next = page.jobs.back().id;
       break;
     }
     page.jobs.push_back(job_of(row));
-    bytes += page.jobs.back().request.size();
+    bytes += page.jobs.back().request.size() + page.jobs.back().outcome.size();
   }
   return page;
 }

@@ -37,10 +37,21 @@ struct NewJob {
   std::string asked{};
   /// Complete drives of this map that it reads.
   std::vector<std::int64_t> drives{};
+  /// The server in whose folder the files are that it reads, besides drives.
+  std::string files_at{};
   /// Id of the key of who asks; empty without keys.
   std::string asker{};
   /// The asker's own name for this request.
   std::optional<std::string> idempotency_key{};
+};
+
+/// How far a job is.
+struct JobAdvance {
+  /// In [0, 1].
+  double fraction = 0.0;
+  /// Nothing until it can be told [s].
+  std::optional<double> eta_s{};
+  auto operator<=>(const JobAdvance&) const = default;
 };
 
 struct StoredJob {
@@ -66,6 +77,16 @@ struct StoredJob {
   std::optional<std::string> idempotency_key{};
   /// Someone wants it to end, and whoever works on it has not ended it yet.
   bool cancel_requested = false;
+  /// That claimed it last.
+  std::string server{};
+  /// The server in whose folder the files are that it reads; empty: any may have them.
+  std::string files_at{};
+  /// Of the latest attempt, as of its worker's last beat.
+  JobAdvance advance{};
+  /// JSON, of one that succeeded. Empty for one that an older program did.
+  std::string outcome{};
+  /// Attempts that crashed, or whose server ended while it worked on them.
+  std::int64_t crashes = 0;
   auto operator<=>(const StoredJob&) const = default;
 };
 
@@ -89,26 +110,38 @@ class JobTable {
     bool is_new = false;
   };
   /// @throws StoreRefusal kUnknownMap; kUnknownDrive, kDriveNotComplete for one of its drives;
-  /// kOtherRequest when the asker used the idempotency key for something else.
+  /// kOtherServer when they are in the folders of several servers; kOtherRequest when the asker
+  /// used the idempotency key for something else.
   Enqueued enqueue(const NewJob& job, std::int64_t now_ns);
   /// The oldest enqueued one, which is then processing; nothing when none waits. Each goes to one
-  /// caller only. @param server  which works on it.
-  std::optional<StoredJob> claim(std::int64_t now_ns, std::string_view server = {});
+  /// caller only. @param server  which works on it. @param files_at  only jobs that read files of
+  /// these; empty: any job.
+  std::optional<StoredJob> claim(std::int64_t now_ns, std::string_view server = {},
+                                 const std::vector<std::string>& files_at = {});
   /// Whoever works on a job says so every few seconds. @return false when it is not its any more.
-  bool beat(const JobClaim& claim);
+  bool beat(const JobClaim& claim, const JobAdvance& advance = {});
   /// @throws StoreRefusal kNotProcessing.
   void set_stage(const JobClaim& claim, std::string_view stage);
+  /// The revision at which the job may make its version the active one: that of its first attempt
+  /// that came so far. @param revision  of the map now. @throws StoreRefusal kNotProcessing.
+  std::int64_t activates_at(const JobClaim& claim, std::int64_t revision);
   /// Publishes nothing itself. @throws StoreRefusal kNotProcessing.
-  StoredJob succeed(const JobClaim& claim, std::string_view result_version, std::int64_t now_ns);
+  StoredJob succeed(const JobClaim& claim, std::string_view result_version, std::int64_t now_ns,
+                    std::string_view outcome = {});
   /// @throws StoreRefusal kNotProcessing.
   StoredJob fail(const JobClaim& claim, std::string_view error, std::int64_t now_ns);
   /// Its worker has ended it because it was asked to. @throws StoreRefusal kNotProcessing.
   StoredJob end_canceled(const JobClaim& claim, std::int64_t now_ns);
+  enum class Crashed : std::uint8_t { kNo, kYes };
   /// Puts it back to its place in the queue, to be tried again; canceled when that was requested.
   /// @throws StoreRefusal kNotProcessing.
-  StoredJob put_back(const JobClaim& claim, std::string_view error, std::int64_t now_ns);
-  /// Does so with all that this server has claimed: after its restart nobody works on them.
-  /// @return how many.
+  StoredJob put_back(const JobClaim& claim, std::string_view error, std::int64_t now_ns,
+                     Crashed crashed = Crashed::kNo);
+  /// The last beat of one whose server ends in order and may not wait for it: put back for that, it
+  /// has not crashed. @throws StoreRefusal kNotProcessing.
+  void excuse(const JobClaim& claim);
+  /// Puts back, as crashed unless excused, all that this server has claimed: after its restart
+  /// nobody works on them. @return how many.
   std::size_t put_back_all(std::string_view error, std::int64_t now_ns,
                            std::string_view server = {});
   /// What is processing, and how often its worker has said so.
@@ -118,7 +151,10 @@ class JobTable {
     auto operator<=>(const Beat&) const = default;
   };
   [[nodiscard]] std::vector<Beat> beats() const;
-  /// Puts one back whose worker has not said anything since. @return whether it was so.
+  /// Of jobs that are processing.
+  [[nodiscard]] std::vector<std::int64_t> cancel_requests() const;
+  /// Puts one back, as crashed unless excused, whose worker has not said anything since. @return
+  /// whether it was so.
   bool put_back_silent(const Beat& last, std::string_view error, std::int64_t now_ns);
   /// One that waits is canceled at once, one that is processing is marked so; asking twice is
   /// asking once. @throws StoreRefusal kJobFinished when it succeeded, failed, or has published its

@@ -24,7 +24,7 @@ constexpr std::int64_t kLeastProgram = 9;
 
 /// Step n takes version n to n + 1. A published step is never changed, only followed by others.
 /// The fifth goes on in `chain_old_audit_records`. From the tenth on they are for PostgreSQL too.
-constexpr std::array<const char*, 12> kSteps = {
+constexpr std::array<const char*, 13> kSteps = {
     R"(
 CREATE TABLE maps (
   name TEXT PRIMARY KEY NOT NULL,
@@ -232,6 +232,15 @@ CREATE TABLE map_sets (
   qw REAL NOT NULL,
   PRIMARY KEY (name, map)
 ) STRICT, WITHOUT ROWID;
+)",
+    R"(
+ALTER TABLE drives ADD COLUMN files_at TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN files_at TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN fraction REAL NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN eta_s REAL NOT NULL DEFAULT -1;
+ALTER TABLE jobs ADD COLUMN outcome TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN crashes INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN activates_at INTEGER;
 )",
 };
 

@@ -34,16 +34,16 @@ constexpr Table kTables[] = {
      "ttitiiit"},
     {"drives",
      "id, map, name, status, error, created_ns, finished_ns, version, content_type, needs_choice,"
-     " inspection",
-     "ittttiittit"},
+     " inspection, files_at",
+     "ittttiittitt"},
     {"drive_parts", "drive, n, sha256, bytes", "iiti"},
     {"jobs",
      "id, kind, map, request, status, stage, error, result_version, attempts, enqueued_ns,"
      " started_ns, finished_ns, asker, idempotency_key, request_sha256, cancel_requested,"
-     " server, beat",
+     " server, beat, files_at, fraction, eta_s, outcome, crashes, activates_at",
      "ittttttt"
      "iiiittti"
-     "ti"},
+     "titrrtii"},
     {"job_drives", "job, drive", "ii"},
     {"audit_start", "id, sha256", "it"},
     {"audit",

@@ -28,7 +28,8 @@ class StoreRefusal : public std::runtime_error {
     kDriveNotOpen,      ///< its upload has ended
     kDriveNotComplete,  ///< its upload has not ended well
     kPartsMissing,
-    kNotSigned,  ///< no trusted key has signed it
+    kOtherServer,  ///< what it needs is in the folders of different servers
+    kNotSigned,    ///< no trusted key has signed it
   };
   StoreRefusal(Reason reason, const std::string& message)
       : std::runtime_error(message), reason_(reason) {}

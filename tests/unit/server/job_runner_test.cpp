@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <sys/file.h>
 
+#include <cstdlib>
 #include <functional>
 #include <latch>
 #include <optional>
@@ -10,6 +11,8 @@
 #include <string>
 #include <string_view>
 #include <thread>
+
+#include <stillmap/maps/map_package.hpp>
 
 #include "job_fixture.hpp"
 #include "jobs/housekeeping.hpp"
@@ -47,6 +50,14 @@ class JobsOfARunner : public JobTest {
     request.version = "v2";
     request.activate = request.new_frame = true;
     static_cast<void>(jobs_->orders.rebuild("town", request, {}));
+  }
+  /// Another server has not heard of this one, and puts it back.
+  void lose(std::int64_t job) {
+    JobTable& jobs = jobs_->setup.store.jobs();
+    while (true) {
+      for (const JobTable::Beat& beat : jobs.beats())
+        if (beat.claim.id == job && jobs.put_back_silent(beat, "lost", 1)) return;
+    }
   }
   JobView end_of(std::int64_t job) {
     const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
@@ -122,18 +133,113 @@ TEST_F(JobsOfARunner, CannotBeCancelledOnceTheirVersionIsThere) {
   EXPECT_EQ(store_.open().state().map("town").active, "v2");
 }
 
-/// As after servers died of it.
+/// As after a server died of it.
 TEST_F(JobsOfARunner, SucceedWithoutActivationWhenOnlyThatFails) {
-  // Its outcome cannot be written when it is published, so that it is tried again, and crashes.
-  write_mapper(
-      "if [ -e $out ]; then rm -rf $work/../../outcome.json.new; kill -SEGV $$; fi;"
-      "publish; mkdir $work/../../outcome.json.new");
-  on_load_ = [] { throw std::runtime_error("too large"); };
+  write_mapper("if [ -e $out ]; then kill -SEGV $$; fi; publish");
+  on_load_ = [&] {
+    lose(1);
+    throw std::runtime_error("too large");
+  };
   start_runner(store_.open());
   const StoredJob job = end_of_rebuild();
   EXPECT_EQ(job.status, JobStatus::kSucceeded) << job.error;
   EXPECT_THAT(outcome_, HasSubstr("signal 11"));
   EXPECT_EQ(job.result_version, "v2");
+}
+
+/// However often it publishes.
+TEST_F(JobsOfARunner, ActivateOnce) {
+  write_mapper("if [ -e $out ]; then while [ ! -e $0.go ]; do sleep 0.01; done; else publish; fi");
+  on_load_ = [&] { lose(1); };
+  start_runner(store_.open());
+  ask_for_rebuild();
+  const StoreState& state = store_.open().state();
+  while (state.jobs().job(1).attempts < 2)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_EQ(state.map("town").active, "v2");
+  store_.open().roll_back("town");
+  std::ofstream(mapper_.string() + ".go") << "x";
+  const JobView end = end_of(1);
+  EXPECT_EQ(end.job.status, JobStatus::kSucceeded) << end.job.error;
+  EXPECT_THAT(end.outcome, HasSubstr("\"activated\":false"));
+  EXPECT_THAT(end.outcome, HasSubstr("another version"));
+  EXPECT_EQ(state.map("town").active, store_.version());
+}
+
+/// As one that ends its server each time.
+TEST_F(JobsOfARunner, FailWhenTheirServerEndsAgainAndAgain) {
+  silent_after_ = std::chrono::milliseconds(60);
+  write_mapper("touch $0.runs; sleep 60");
+  start_runner(store_.open());
+  ask_for_rebuild();
+  for (int death = 1; death <= 3; ++death) {
+    while (!std::filesystem::remove(mapper_.string() + ".runs"))
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    lose(1);
+  }
+  const StoredJob end = end_of(1).job;
+  EXPECT_EQ(end.status, JobStatus::kFailed);
+  EXPECT_THAT(end.error, HasSubstr("lost, 3 times: ask again with less at a time"));
+  EXPECT_EQ(end.attempts, 4) << "the last one only says so";
+  EXPECT_FALSE(std::filesystem::exists(mapper_.string() + ".runs"));
+}
+
+TEST_F(JobsOfARunner, DoNotCountServersThatEndInOrder) {
+  write_mapper("touch $0.runs; while [ ! -e $0.go ]; do sleep 0.01; done; publish");
+  start_runner(store_.open());
+  ask_for_rebuild();
+  for (int stop = 1; stop <= 4; ++stop) {
+    while (!std::filesystem::remove(mapper_.string() + ".runs"))
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    jobs_.reset();
+    run_jobs(store_.open());
+  }
+  std::ofstream(mapper_.string() + ".go") << "x";
+  const StoredJob end = end_of(1).job;
+  EXPECT_EQ(end.status, JobStatus::kSucceeded) << end.error;
+  EXPECT_EQ(end.crashes, 0);
+}
+
+TEST_F(JobsOfARunner, AreCancelledWithinASecondByAnotherServer) {
+  write_mapper("touch $0.runs; sleep 60");
+  start_runner(store_.open());
+  ask_for_rebuild();
+  while (!std::filesystem::exists(mapper_.string() + ".runs"))
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_TRUE(store_.open().jobs().request_cancel(1, 2).cancel_requested);
+  EXPECT_EQ(end_of(1).job.status, JobStatus::kCanceled);
+}
+
+/// One that was lost and taken back by the same server.
+TEST_F(JobsOfARunner, HaveOneAttemptAtATimeInTheirFolder) {
+  options_.jobs.concurrent = 2;
+  live_.replace(options_);
+  silent_after_ = std::chrono::seconds(3);
+  // It needs a moment to end.
+  write_mapper(
+      "trap 'sleep 0.3; rmdir $work/here; exit 130' TERM; mkdir $work/here || touch $0.two;"
+      "echo x >> $0.runs; while [ ! -e $0.go ]; do sleep 0.01; done; publish");
+  start_runner(store_.open());
+  ask_for_rebuild();
+  const std::filesystem::path runs = mapper_.string() + ".runs";
+  const auto wait_runs = [&](std::uintmax_t times) {
+    std::error_code error;
+    while (std::filesystem::file_size(runs, error) != 2 * times || error)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  };
+  wait_runs(1);
+  lose(1);
+  wait_runs(2);
+  EXPECT_FALSE(std::filesystem::exists(mapper_.string() + ".two"));
+  // It says that it works on it.
+  JobTable& jobs = store_.open().jobs();
+  const JobTable::Beat now = jobs.beats().at(0);
+  EXPECT_EQ(now.claim.attempt, 2);
+  while (jobs.beats().at(0) == now) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  std::ofstream(mapper_.string() + ".go") << "x";
+  const StoredJob end = end_of(1).job;
+  EXPECT_EQ(end.status, JobStatus::kSucceeded) << end.error;
+  EXPECT_EQ(end.attempts, 2);
 }
 
 TEST_F(JobsOfARunner, LeaveAloneWhatIsBeingReceivedWhenTheyAreTakenFromAnotherServer) {
@@ -200,6 +306,58 @@ TEST_F(JobsInACluster, AreFollowedWithItsOptions) {
   const std::string text{std::istreambuf_iterator<char>(stream), {}};
   EXPECT_THAT(text, HasSubstr(" --threads 2 --executor slurm --units 3 "
                               "--slurm-option=--partition=long --slurm-option=--time=9 "));
+}
+
+/// Else they would go on beside those of the next attempt.
+TEST_F(JobsInACluster, AreEndedWhenTheJobIsLost) {
+  const std::filesystem::path asked = scripts_.path() / "asked";
+  silent_after_ = std::chrono::milliseconds(60);
+  write_mapper("[ ! -e " + asked.string() + " ] || { publish; exit 0; }; trap 'touch " +
+               asked.string() + "; exit 130' TERM; touch $0.runs; while :; do sleep 0.01; done");
+  start_runner(store_.open());
+  ask_for_rebuild();
+  while (!std::filesystem::exists(mapper_.string() + ".runs"))
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  lose(1);
+  EXPECT_EQ(end_of(1).job.status, JobStatus::kSucceeded);
+  EXPECT_TRUE(std::filesystem::exists(asked));
+}
+
+/// By a server that was away when its job was cancelled.
+TEST_F(JobsInACluster, AreCancelledBeforeTheirFolderIsCleared) {
+  const std::filesystem::path bin = scripts_.path() / "bin";
+  const std::filesystem::path said = scripts_.path() / "said";
+  std::filesystem::create_directory(bin);
+  const auto scancel = [&](int code) {
+    std::ofstream(bin / "scancel")
+        << "#!/bin/sh\necho \"$@\" >> " << said.string() << "; exit " << code << "\n";
+    std::filesystem::permissions(bin / "scancel", std::filesystem::perms::owner_all);
+  };
+  const std::string path = std::getenv("PATH");
+  ::setenv("PATH", (bin.string() + ":" + path).c_str(), 1);
+  write_mapper("publish");
+  start_runner(store_.open());
+  jobs_.reset();
+  JobTable& jobs = store_.open().jobs();
+  jobs.enqueue({.map = "town", .request = "{}"}, 1);
+  jobs.request_cancel(1, 2);
+  const std::filesystem::path slurm = job_folder(1) / "scratch" / "work" / ".town.slurm";
+  std::filesystem::create_directories(slurm);
+  std::ofstream(slurm / "plan") << "1\n/a\n/b\nbuild\n";
+  scancel(1);
+  run_jobs(store_.open());
+  while (!std::filesystem::exists(said)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  jobs_.reset();
+  EXPECT_TRUE(std::filesystem::exists(slurm / "plan")) << "it is tried again";
+  std::filesystem::remove(said);
+  scancel(0);
+  run_jobs(store_.open());
+  expect_cleared(1);
+  ::setenv("PATH", path.c_str(), 1);
+  std::ifstream stream(said);
+  std::string line;
+  std::getline(stream, line);
+  EXPECT_EQ(line, "--name=stillmap-" + maps::sha256_of("1\n/a\n/b\nbuild\n").substr(0, 12));
 }
 
 TEST_F(JobsInACluster, GoOnWhenTheServerStops) { EXPECT_FALSE(is_asked_to_end()); }
@@ -272,7 +430,7 @@ TEST_F(JobsOfARunner, AreTakenOverOnceFromWhoeverIsSilent) {
   while (!std::filesystem::exists(runs)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   // Another server that has heard nothing of this one takes the job, and falls silent itself.
   JobTable& jobs = store_.open().jobs();
-  while (!jobs.put_back_silent(jobs.beats().at(0), "silent", 1)) continue;
+  lose(1);
   std::optional<StoredJob> theirs;
   while (!theirs) theirs = jobs.claim(2, "other");
   EXPECT_EQ(theirs->attempts, 2);
@@ -312,13 +470,13 @@ TEST_F(JobsOfARunner, WhoIsNotWaitedForWhileAMapIsLoadedHasNotCrashed) {
   start_runner(store_.open());
   ask_for_rebuild();
   loading.wait();
-  const std::filesystem::path mark = job_folder(1) / "scratch" / "publishing";
-  EXPECT_TRUE(std::filesystem::exists(mark));
   std::thread end([&] { jobs_.reset(); });
+  JobTable& jobs = store_.open().jobs();
+  // It is the last that the server says of it.
   const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (std::filesystem::exists(mark) && std::chrono::steady_clock::now() < latest)
+  while (jobs.beats().at(0).beats >= 0 && std::chrono::steady_clock::now() < latest)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  EXPECT_FALSE(std::filesystem::exists(mark));
+  EXPECT_LT(jobs.beats().at(0).beats, 0);
   loaded.count_down();
   end.join();
 }

@@ -102,6 +102,35 @@ TEST_F(JobTableTest, GivesEachJobToOneCallerOnly) {
   EXPECT_EQ(std::unique(claimed.begin(), claimed.end()), claimed.end());
 }
 
+TEST_F(JobTableTest, GivesJobsOnlyToAServerThatHasTheirFiles) {
+  const auto drive_at = [&](const std::string& server) {
+    const std::int64_t id = state_.drives().open("town", "monday", 1, server).id;
+    state_.drives().add_part(id, {1, std::string(64, 'a'), 10});
+    return state_.drives().complete(id, 1).id;
+  };
+  const std::int64_t at_a = drive_at("a"), at_b = drive_at("b"), of_older_program = drive_at("");
+  EXPECT_EQ(state_.drives().drive(at_a).files_at, "a");
+  const auto ask = [&](const std::vector<std::int64_t>& drives) {
+    return jobs_.enqueue({.map = "town", .request = "{}", .drives = drives}, 1).job;
+  };
+  expect_refused(Reason::kOtherServer, [&] { ask({at_a, at_b}); });
+  const StoredJob first = ask({of_older_program, at_a});
+  EXPECT_EQ(first.files_at, "a");
+  const StoredJob file =
+      jobs_.enqueue({.kind = JobKind::kConvert, .map = "town", .files_at = "b"}, 1).job;
+  const StoredJob anywhere = ask({of_older_program});
+  EXPECT_EQ(anywhere.files_at, "");
+  const StoredJob second = ask({at_a});
+  EXPECT_EQ(jobs_.claim(2, "b", {"b", "drives of b"})->id, file.id);
+  const StoredJob claimed = jobs_.claim(2, "b", {"b"}).value();
+  EXPECT_EQ(claimed.id, anywhere.id);
+  EXPECT_EQ(claimed.server, "b");
+  EXPECT_EQ(jobs_.job(anywhere.id), claimed);
+  EXPECT_FALSE(jobs_.claim(2, "b", {"b"}));
+  EXPECT_EQ(jobs_.claim(2, "a", {"a"})->id, first.id);
+  EXPECT_EQ(jobs_.claim(2)->id, second.id) << "where the state is not shared, all files are here";
+}
+
 TEST_F(JobTableTest, EndsOnlyWhatIsProcessing) {
   const std::int64_t id = enqueue();
   expect_refused(Reason::kNotProcessing, [&] { jobs_.succeed(jobs_.job(id), "v", 1); });
@@ -198,8 +227,74 @@ TEST_F(JobTableTest, PutsBackWhatARestartInterrupted) {
   const StoredJob again = jobs_.claim(4).value();
   EXPECT_EQ(again.id, resumed);
   EXPECT_EQ(again.attempts, 2);
+  EXPECT_EQ(again.crashes, 1);
   EXPECT_EQ(jobs_.succeed(jobs_.job(resumed), "v", 5).error, "");
   EXPECT_EQ(jobs_.claim(6)->id, waiting);
+}
+
+TEST_F(JobTableTest, CountsAttemptsThatCrashedOrWereLostWithTheirServer) {
+  const std::int64_t id = enqueue();
+  const auto crashes = [&] { return jobs_.job(id).crashes; };
+  jobs_.put_back(jobs_.claim(1, "a").value(), "the server was stopped", 2);
+  EXPECT_EQ(crashes(), 0);
+  jobs_.put_back(jobs_.claim(1, "a").value(), "signal 11", 2, JobTable::Crashed::kYes);
+  EXPECT_EQ(crashes(), 1);
+  jobs_.claim(1, "a");
+  jobs_.put_back_all("its server ended", 2, "a");
+  EXPECT_EQ(crashes(), 2);
+  jobs_.claim(1, "a");
+  EXPECT_TRUE(jobs_.put_back_silent(jobs_.beats().at(0), "silent", 2));
+  EXPECT_EQ(crashes(), 3);
+  // Of a server that ended in order nothing counts.
+  for (const bool at_its_next_start : {true, false}) {
+    const StoredJob claimed = jobs_.claim(1, "a").value();
+    jobs_.excuse(claimed);
+    if (at_its_next_start) {
+      EXPECT_EQ(jobs_.put_back_all("its server ended", 2, "a"), 1U);
+    } else {
+      EXPECT_TRUE(jobs_.put_back_silent(jobs_.beats().at(0), "silent", 2));
+    }
+    EXPECT_EQ(crashes(), 3);
+    expect_refused(Reason::kNotProcessing, [&] { jobs_.excuse(claimed); });
+  }
+}
+
+TEST_F(JobTableTest, TellsHowFarAJobIsAndWhatItCameTo) {
+  const std::int64_t id = enqueue();
+  const StoredJob first = jobs_.claim(1).value();
+  EXPECT_TRUE(jobs_.beat(first, {.fraction = 0.25, .eta_s = 7.5}));
+  EXPECT_EQ(jobs_.job(id).advance, (JobAdvance{.fraction = 0.25, .eta_s = 7.5}));
+  EXPECT_TRUE(jobs_.beat(first, {.fraction = 0.5}));
+  EXPECT_EQ(jobs_.job(id).advance.eta_s, std::nullopt);
+  jobs_.put_back(first, "x", 2);
+  const StoredJob second = jobs_.claim(3).value();
+  EXPECT_EQ(second.advance.fraction, 0.0);
+  EXPECT_EQ(jobs_.job(id), second);
+  const StoredJob done = jobs_.succeed(second, "v2", 4, R"({"version": "v2"})");
+  EXPECT_EQ(done.outcome, R"({"version": "v2"})");
+  EXPECT_EQ(jobs_.job(id), done);
+}
+
+TEST_F(JobTableTest, KeepsTheRevisionAtWhichAJobMayActivate) {
+  enqueue();
+  const StoredJob first = jobs_.claim(1).value();
+  EXPECT_EQ(jobs_.activates_at(first, 5), 5);
+  EXPECT_EQ(jobs_.activates_at(first, 6), 5);
+  jobs_.put_back(first, "x", 2);
+  expect_refused(Reason::kNotProcessing, [&] { jobs_.activates_at(first, 7); });
+  EXPECT_EQ(jobs_.activates_at(jobs_.claim(3).value(), 7), 5) << "that of the first attempt";
+}
+
+TEST_F(JobTableTest, SaysWhichJobsAreToEnd) {
+  const std::int64_t running = enqueue(), other = enqueue();
+  jobs_.claim(1);
+  jobs_.claim(1);
+  EXPECT_THAT(jobs_.cancel_requests(), IsEmpty());
+  jobs_.request_cancel(running, 2);
+  EXPECT_THAT(jobs_.cancel_requests(), ElementsAre(running));
+  jobs_.end_canceled(jobs_.job(running), 3);
+  jobs_.request_cancel(other, 4);
+  EXPECT_THAT(jobs_.cancel_requests(), ElementsAre(other));
 }
 
 TEST_F(JobTableTest, TakesTheSameRequestOnce) {

@@ -1,7 +1,6 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
-#include <atomic>
 #include <functional>
 #include <optional>
 #include <span>
@@ -206,58 +205,6 @@ TEST_F(Jobs, GoesOnAfterARestartOfTheServer) {
   EXPECT_TRUE(std::filesystem::exists(job_folder(1) / "scratch" / "work" / "half"));
   start();
   EXPECT_EQ(wait_for_end(job)["status"], "succeeded");
-}
-
-TEST_F(Jobs, SaysOnTheDiskThatItPublishesAsLongAsItDoes) {
-  write_mapper("publish");
-  const std::filesystem::path mark = job_folder(1) / "scratch" / "publishing";
-  std::atomic<bool> marked = false;
-  start([&](const maps::MapPackage& package, const localization::LocalizationOptions&) {
-    if (package.digest() != store_.digest()) marked = std::filesystem::exists(mark);
-    return Aligners{{"default", aligner_}};
-  });
-  wait_until_loaded();
-  make_drive();
-  const std::string job = rebuild(R"({"drives": [1], "activate": true, "new_frame": true})");
-  EXPECT_EQ(wait_for_end(job)["result"]["activated"], true);
-  EXPECT_TRUE(marked);
-  expect_cleared(1);
-}
-
-/// A server that is killed while it publishes leaves the mark.
-TEST_F(Jobs, DeathsOfTheServerWhileItPublishesAreCountedAsCrashes) {
-  start_with("touch $work/../publishing; say 0.1 marked; sleep 60");
-  const std::string job = rebuild();
-  for (int death = 0; death < 3; ++death) {
-    wait_for_stage(job, "marked");
-    service_.reset();
-    // One that ends in order takes it away.
-    std::ofstream(job_folder(1) / "scratch" / "publishing") << "";
-    start();
-  }
-  const nlohmann::json failed = wait_for_end(job);
-  EXPECT_EQ(failed["status"], "failed");
-  EXPECT_EQ(failed["error"], "the server ended while it published the map, 3 times");
-}
-
-TEST_F(Jobs, ActivatesOnceHoweverOftenItPublishes) {
-  start_with(
-      "if [ -e $out ]; then say 0.1 again; while [ ! -e $0.go ]; do sleep 0.05; done;"
-      " else publish; mkdir $work/../../outcome.json.new; fi");
-  const std::string job =
-      rebuild(R"({"drives": [1], "activate": true, "new_frame": true, "version": "v2"})");
-  // Its version is active, and its outcome could not be written.
-  wait_for_stage(job, "again");
-  EXPECT_EQ(store_.open().state().map("town").active, "v2");
-  store_.open().roll_back("town");
-  std::filesystem::remove(job_folder(1) / "outcome.json.new");
-  std::ofstream(mapper_.string() + ".go") << "x";
-  const nlohmann::json end = wait_for_end(job);
-  EXPECT_EQ(end["status"], "succeeded") << end;
-  EXPECT_EQ(end["result"]["activated"], false);
-  EXPECT_THAT(end["result"]["not_activated_because"][0].get<std::string>(),
-              HasSubstr("another version"));
-  EXPECT_EQ(store_.open().state().map("town").active, store_.version());
 }
 
 /// Its package is registered to the active version by the digest that this one had.
