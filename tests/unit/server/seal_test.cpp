@@ -282,6 +282,7 @@ TEST_F(SealKeyTableTest, ANewKeySealsWhenAllKnowItAndTheOneBeforeCountsForAMinut
 TEST_F(SealKeyTableTest, AServerThatStartsSealsWithWhatTheOthersSealWith) {
   const std::string first =
       keys(*std::make_unique<StateSealKeys>(state_.seal_keys(), folder_.path(), clock_)).front();
+  now_ += 3600s;
   rotate(-3s);
   const std::string second = state_.seal_keys().newest().front().secret;
   StateSealKeys soon(state_.seal_keys(), folder_.path(), clock_, steady_);
