@@ -80,6 +80,22 @@ class SharedState(unittest.TestCase):
         self.assertEqual(ask(second, "GET", "/v1/maps/depot").status, 200)
         self.assertIn("state.db.moved", os.listdir(self.store))
 
+    def transactions_in(self, seconds):
+        count = "SELECT xact_commit FROM pg_stat_database WHERE datname = current_database()"
+        begun = int(self.postgres.sql(count))
+        time.sleep(seconds)
+        return int(self.postgres.sql(count)) - begun
+
+    def test_21_idle_servers_ask_no_more_with_more_maps(self):
+        of_one_map = self.transactions_in(6)
+        for i in range(20):
+            run("store", "add", self.store, f"copy{i}", "v1", MAP, "--activate")
+        for server in self.servers:
+            in_the_end(lambda s=server: ask(s, "GET", "/readyz").status == 200 and
+                       ask(s, "GET", "/v1/status").json["maps"] == 21, "all maps are served", 60)
+        time.sleep(12)  # PostgreSQL counts what a connection did up to 10 s later
+        self.assertLess(self.transactions_in(6), 2 * of_one_map)
+
     def test_2_a_revoked_key_counts_everywhere(self):
         first, second = self.servers
         admin = json.loads(run("keys", "create", "admin", "--store", self.store, "--json",

@@ -476,10 +476,9 @@ class FollowedFromS3 : public MapCatalogTest {
     });
   }
   /// A map whose package the second server has to fetch.
-  void activate_field() {
+  void add_field() {
     test::write_package(folder_.path() / "field", 3);
     first_.add("field", "v1", folder_.path() / "field");
-    first_.activate("field", "v1");
   }
   MapState state_of(const std::string& map) {
     for (const ServedVersion& each : catalog_->active())
@@ -496,15 +495,16 @@ class FollowedFromS3 : public MapCatalogTest {
 };
 
 TEST_F(FollowedFromS3, FollowsOtherMapsWhileAMapIsFetched) {
+  add_field();
+  // With v1 in the cache alone.
+  follow();
+  wait([&] { return state_of("town") == MapState::kReady; });
   {
-    catalog_.reset();
-    activate_field();
     const std::scoped_lock nothing_comes(s3_.mutex);
-    follow();
-    wait([&] { return state_of("town") == MapState::kReady; });
+    first_.activate("field", "v1");
+    wait([&] { return state_of("field") == MapState::kLoading; });
     EXPECT_EQ(code_of([&] { (void)catalog_->ready("field", {}); }), ErrorCode::kMapLoading);
     EXPECT_EQ(code_of([&] { (void)catalog_->find("field", "v1"); }), ErrorCode::kMapLoading);
-    // Its package is in the cache.
     first_.roll_back("town");
     wait([&] { return served() == "v1"; });
     // Asked of this server, too.
