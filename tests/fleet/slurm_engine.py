@@ -38,10 +38,11 @@ def free_ports(count):
 
 
 def wait_until(holds, seconds, what):
+    """@param what  is said when the time is up; a function is called then."""
     end = time.monotonic() + seconds
     while not (found := holds()):
         if time.monotonic() > end:
-            raise RuntimeError(f"after {seconds} s: {what}")
+            raise RuntimeError(f"after {seconds} s: {what() if callable(what) else what}")
         time.sleep(0.1)
     return found
 

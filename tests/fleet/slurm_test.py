@@ -68,7 +68,11 @@ class Build:
 
     def wait_running(self, step):
         return wait_until(lambda: self.running(step) or (self.process.poll() is not None and self.text()), 180,
-                          f"no unit of {step} runs: {self.text()}")
+                          lambda: f"no unit of {step} runs: {self.text()}\n{self.whole_state()}")
+
+    def whole_state(self):
+        return (self.slurm.ask("squeue", "-r", "-O", "ArrayJobID:8,ArrayTaskID:8,Comment:8,State:12,RestartCnt:4,Reason:60")
+                + self.slurm.ask("sinfo", "-N", "-o", "%N %T %E"))
 
     def text(self):
         return self.log.read_text(errors="replace")
