@@ -36,6 +36,14 @@ ApiError still_loading(const ServedVersion& version) {
       .with_header("Retry-After", "1");
 }
 
+/// Before what could not be fetched is tried again: others get their turn, and the log stays
+/// readable.
+std::chrono::seconds pause_after(int failed_fetches) {
+  constexpr int kMostDoublings = 6;
+  return std::chrono::seconds(
+      failed_fetches == 0 ? 0 : std::min(60, 1 << std::min(failed_fetches - 1, kMostDoublings)));
+}
+
 void require_package(const ServedVersion& version) {
   if (version.package) return;
   throw version.state == MapState::kLoading ? still_loading(version) : unusable(version);
@@ -512,6 +520,10 @@ bool MapCatalog::notice_replaced(const std::vector<ServedVersion>& versions,
       knew_all = false;
       continue;
     }
+    if (std::chrono::steady_clock::now() < slot->second.fetched_again) {
+      knew_all = false;
+      continue;
+    }
     if (!is_served(key) && !is_rolled_out(key))
       slots_.erase(slot);
     else if (!is_gone)
@@ -595,6 +607,8 @@ MapCatalog::Slot MapCatalog::fetch(const Key& key) {
   // Someone has asked for more than its package.
   if (is_here) slot.served.state = MapState::kLoading;
   slot.was_damaged = now.was_damaged;
+  slot.failed_fetches = is_here ? 0 : now.failed_fetches + 1;
+  slot.fetched_again = std::chrono::steady_clock::now() + pause_after(slot.failed_fetches);
   now = std::move(slot);
   changed_.notify_all();
   return now;

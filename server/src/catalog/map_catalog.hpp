@@ -9,6 +9,7 @@
 #include "store/package_store.hpp"
 
 #include <condition_variable>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -125,6 +126,9 @@ class MapCatalog {
     bool was_damaged = false;
     /// No trusted key has signed it.
     bool is_untrusted = false;
+    /// Fetches that failed in a row, and when the next one is due.
+    int failed_fetches = 0;
+    std::chrono::steady_clock::time_point fetched_again{};
   };
   struct Active {
     std::string serving;

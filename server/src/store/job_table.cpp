@@ -237,8 +237,11 @@ JobTable::Enqueued JobTable::enqueue(const NewJob& job, std::int64_t now_ns) {
   const std::string sha256 = sha256_of_request(job);
   Writing writing(*database_);
   Database& database = writing.database();
-  if (std::optional<StoredJob> before = asked_before(database, job, sha256))
+  if (std::optional<StoredJob> before = asked_before(database, job, sha256)) {
+    // A repeat says no more than what standbys have.
+    writing.commit();
     return {*std::move(before), false};
+  }
   (void)known_map(database, job.map);
   const std::string files_at = files_of(database, job);
   const std::int64_t id = insert(database, job, files_at, sha256, now_ns);
@@ -420,7 +423,10 @@ StoredJob JobTable::request_cancel(std::int64_t id, std::int64_t now_ns) {
   return database_->even_when_full([&] {
     Writing writing(*database_);
     StoredJob job = known_job(writing.database(), id);
-    if (job.status == JobStatus::kCanceled) return job;
+    if (job.status == JobStatus::kCanceled) {
+      writing.commit();
+      return job;
+    }
     if (is_finished(job.status))
       throw StoreRefusal(Reason::kJobFinished, "job " + std::to_string(id) + " has " +
                                                    std::string(name_of(job.status)) + " already");
