@@ -168,11 +168,13 @@ std::string files_of(Database& database, const NewJob& job) {
   std::string files_at = job.files_at;
   for (const std::int64_t drive : job.drives) {
     const std::string at = check_drive(database, job.map, drive);
-    if (!at.empty() && !files_at.empty() && at != files_at)
-      throw StoreRefusal(Reason::kOtherServer,
-                         "drive " + std::to_string(drive) + " is in the folder of server " + at +
-                             ", and another drive of the job in that of server " + files_at +
-                             ": upload all drives of a rebuild to one server");
+    if (!at.empty() && !files_at.empty() && at != files_at) {
+      std::string message = "drive " + std::to_string(drive);
+      message.append(" is in the folder of server ").append(at);
+      message.append(", and another drive of the job in that of server ").append(files_at);
+      message += ": upload all drives of a rebuild to one server";
+      throw StoreRefusal(Reason::kOtherServer, message);
+    }
     if (!at.empty()) files_at = at;
   }
   return files_at;
