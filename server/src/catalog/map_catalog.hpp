@@ -8,8 +8,8 @@
 
 #include "store/package_store.hpp"
 
-#include <condition_variable>
 #include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <map>
