@@ -73,7 +73,10 @@ std::vector<ServedVersion> MapCatalog::active() const {
   const std::scoped_lock lock(mutex_);
   std::vector<ServedVersion> each;
   each.reserve(active_.size());
-  for (const auto& [map, active] : active_) each.push_back(slots_.at({map, active.serving}).served);
+  for (const auto& [map, active] : active_) {
+    each.push_back(slots_.at({map, active.serving}).served);
+    each.back().revision = active.revision;
+  }
   return each;
 }
 

@@ -58,7 +58,7 @@ StoredJob LiveJobs::cancel(std::int64_t id) {
   const std::int64_t now_ns = unix_ns();
   StoredJob job = setup_.store.jobs().request_cancel(id, now_ns);
   note_cancel(id);
-  // Else it goes on for now, or had ended before, and was told of and counted then.
+  // One that runs goes on until it notices. The end of one that had ended before was told then.
   if (job.status == JobStatus::kCanceled && job.finished_ns == now_ns) tell_end(job);
   return job;
 }

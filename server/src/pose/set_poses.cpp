@@ -145,11 +145,11 @@ Neighbour neighbour_of(const SetVehicle& vehicle, const SetOfRequest& set,
 }
 
 /// How far a vehicle may have come since its place was known [m].
-double way_m(const Tracker& tracker, std::int64_t stamp_ns) {
+double way_m(const SetVehicle& vehicle, std::int64_t stamp_ns) {
   constexpr double kMostMS = 50.0;
-  constexpr double kMostCoastS = 3.0;
-  return kOutsideM +
-         kMostMS * (kMostCoastS + maps::seconds_between(*tracker.newest_ns(), stamp_ns));
+  const double since_s = vehicle.map.localization.tracker.max_coast_s +
+                         maps::seconds_between(*vehicle.tracker.newest_ns(), stamp_ns);
+  return kOutsideM + kMostMS * since_s;
 }
 
 /// The maps that a vehicle may be in which is not found in its own any more: that one first, and
@@ -166,7 +166,7 @@ SetCandidates around_own(const SetOfRequest& set, const SetMap* own, const SetVe
     const Eigen::Vector3d p_set = own->T_set_map * T_map_lidar->translation();
     std::erase_if(near.maps, [&](const SetCandidates::Each& each) {
       return each.in != own && distance_m(each.in->map, each.in->T_set_map.inverse() * p_set) >
-                                   way_m(vehicle.tracker, stamp_ns);
+                                   way_m(vehicle, stamp_ns);
     });
   }
   const auto centre = [](const SetMap& each) -> Eigen::Vector3d {
@@ -196,8 +196,8 @@ SetTrackedPose find_vehicle(SetVehicle& vehicle, const SetCandidates& candidates
   const std::size_t chosen = is_lost ? 0 : found.candidate;
   auto& [tracker, pose] = tried.at(chosen);
   if (!is_lost) pose.result = found.result;
-  // Who went on in one of several maps around a place that none of them has shown would not look at
-  // the others again.
+  // A tracker that keeps its place is followed in its map, and no other map is asked again. So it
+  // keeps none unless one map alone has shown the scan.
   const bool shows_none =
       found.is_between_maps || (vehicle.begin && (is_lost || !is_good(found.result) ||
                                                   has(found.result, Reason::kAmbiguous)));

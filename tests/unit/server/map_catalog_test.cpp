@@ -133,6 +133,8 @@ TEST_F(MapCatalogTest, WhoHasSeenANewerRevisionIsNotAnsweredWithAnOlderOne) {
   MapCatalog& catalog = start();
   const std::int64_t old = catalog.ready("town", {}).revision;
   EXPECT_EQ(old, store_.state().map("town").revision);
+  // Operators see it, too.
+  EXPECT_EQ(catalog.active().front().revision, old);
   builder_.set_held(digests_[2], true);
   // By another server, which serves it already.
   const std::int64_t newer = store_.activate("town", "v2").revision;
